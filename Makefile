@@ -1,0 +1,81 @@
+# One way to run everything. `make help` lists the targets.
+#
+# Needs Python >= 3.11 and make. Everything else is installed into .venv; optional system parts (an OpenGL and a Vulkan
+# software device, a browser, Node) come with `make system-deps` and are never needed by `make demo` or `make test`.
+
+VENV := .venv
+BIN := $(VENV)/bin
+JOBS ?= 2
+SHELL := /bin/sh
+
+# The first interpreter that runs and is new enough; `make PYTHON=/path/to/python ...` chooses another one.
+PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python3.14; do \
+	if "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then echo "$$p"; break; fi; done)
+
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+RUNTIME := $(VENV)/.runtime
+DEVELOP := $(VENV)/.develop
+
+.PHONY: help venv demo test lint validate bench docs system-deps clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo 'make demo         render the bundled scenes into out/demo: pictures, EXR files, a contact sheet'
+	@echo 'make test         the gate: format, lint, types, import floors, tests (JOBS=$(JOBS) processes)'
+	@echo 'make validate     the slow evidence and the docs'
+	@echo 'make bench        benchmarks, as ratios within one run'
+	@echo 'make docs         run the examples in the documentation and check its links'
+	@echo 'make system-deps  install the optional system parts (Debian and Ubuntu, uses sudo where needed)'
+	@echo 'make venv         the development environment alone;  make clean  removes what the targets made'
+
+$(BIN)/python:
+	@if [ -z "$(PYTHON)" ] || ! "$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+		echo 'error: atmoref needs Python 3.11 or newer, and none was found (tried: "$(PYTHON)").' >&2; \
+		echo 'Install python3.11 with its venv module, or say: make PYTHON=/path/to/python3.11' >&2; exit 1; fi
+	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); \
+		echo 'error: "$(PYTHON) -m venv" failed; on Debian and Ubuntu the package python3-venv is missing.' >&2; exit 1; }
+
+$(RUNTIME): pyproject.toml | $(BIN)/python
+	@echo 'installing atmoref into $(VENV)'
+	@$(PIP_INSTALL) --editable .
+	@touch $@
+
+$(DEVELOP): pyproject.toml | $(BIN)/python
+	@echo 'installing atmoref and its development tools into $(VENV)'
+	@$(PIP_INSTALL) --editable '.[test,report]'
+	@touch $(RUNTIME) $@
+
+venv: $(DEVELOP)
+
+demo: $(RUNTIME)
+	$(BIN)/atmoref demo -o out/demo
+
+lint: $(DEVELOP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+# pytest comes last, so that its own summary is the last thing to read.
+test: lint
+	$(BIN)/python -m pytest -W error -m 'not slow' -n $(JOBS) --dist loadfile -q
+
+docs: $(DEVELOP)
+	$(BIN)/python validation/check_links.py README.md CHANGELOG.md docs luts
+	$(BIN)/python -m pytest -W error -q --doctest-glob='*.md' README.md docs
+
+validate: $(DEVELOP) docs
+	$(BIN)/python -m pytest -W error -m slow -q
+
+bench: $(DEVELOP)
+	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
+	@if [ -f validation/bench.py ]; then $(BIN)/python validation/bench.py; fi
+
+# Optional: software OpenGL and Vulkan devices, the browser that opens reports, Node for other people's readers.
+system-deps:
+	@sudo=; if [ "$$(id -u)" != 0 ]; then sudo=sudo; fi; \
+	$$sudo apt-get update && $$sudo apt-get install --yes --no-install-recommends \
+		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2 mesa-vulkan-drivers libvulkan1 chromium nodejs
+
+clean:
+	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks

@@ -1,0 +1,1 @@
+"""Two arrays and a budget make a verdict."""
