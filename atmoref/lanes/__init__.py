@@ -1,1 +1,90 @@
-"""."""
+"""The wave in which a shader runs: N neighbouring pixels in one register, inside kernels compiled by Numba.
+
+A kernel reads like the shader it mirrors: comparisons give masks, `select` chooses, `any_lane(mask)` asks whether any
+lane is left.  The same source runs in float32 and float64 (tags `Single`, `Double`); width 1 is its scalar build.
+"""
+
+from atmoref.lanes import operators as _operators  # registers the operators
+from atmoref.lanes.arith import (
+    Double,
+    Single,
+    absolute,
+    all_lanes,
+    any_lane,
+    count_lanes,
+    floor,
+    is_tag,
+    lane_not,
+    lift,
+    maximum,
+    minimum,
+    pixels,
+    rint,
+    saturate,
+    select,
+    sqrt,
+    square,
+)
+from atmoref.lanes.instructions import (
+    convert,
+    copy_sign,
+    exponent,
+    fma,
+    iota,
+    lerp_bytes,
+    power_of_two,
+    round_int,
+    shift_right,
+    significand,
+    spread_int,
+    to_int,
+)
+from atmoref.lanes.memory import gather, gather_pair, load, store
+from atmoref.lanes.registers import F32, F64, I32, MASK, Lane, N, compiled_only, is_lane, is_real, overload
+
+__all__ = [
+    "F32",
+    "F64",
+    "I32",
+    "MASK",
+    "Double",
+    "Lane",
+    "N",
+    "Single",
+    "absolute",
+    "all_lanes",
+    "any_lane",
+    "compiled_only",
+    "convert",
+    "copy_sign",
+    "count_lanes",
+    "exponent",
+    "floor",
+    "fma",
+    "gather",
+    "gather_pair",
+    "iota",
+    "is_lane",
+    "is_real",
+    "is_tag",
+    "lane_not",
+    "lerp_bytes",
+    "lift",
+    "load",
+    "maximum",
+    "minimum",
+    "overload",
+    "pixels",
+    "power_of_two",
+    "rint",
+    "round_int",
+    "saturate",
+    "select",
+    "shift_right",
+    "significand",
+    "spread_int",
+    "sqrt",
+    "square",
+    "store",
+    "to_int",
+]
