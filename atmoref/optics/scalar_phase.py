@@ -1,0 +1,12 @@
+"""The phase functions for plain float64 Numba code (truth, transport). See ``phase_functions.py``."""
+
+from __future__ import annotations
+
+import math
+
+from atmoref._jit import device
+from atmoref.optics.phase_functions import phase_source
+
+__all__ = ["phase"]
+
+phase = device(phase_source(math.sqrt))

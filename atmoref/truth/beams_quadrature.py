@@ -1,0 +1,276 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernels: Numba infers their types)
+"""The truth of light beams by interval splitting and adaptive Gauss-Legendre-Kronrod quadrature.
+
+Per view ray: the nearest surface, its direct light, and for each light the lit pieces of the ray
+(``beams_pieces.py``), each integrated in the angle at the light (``beams_integral.py``). Radiance, not clipped:
+
+    I = I_b exp(-sigma_t T) + sum over lights ∫_0^T I_l H rho_c F exp(-sigma_t (s + t)) / s² dt + I_a
+    I_b = albedo/pi · sum over lights I_0 I_l H max(0, cos) exp(-sigma_t s) / s²,   rho_c F = I_0 sigma_s p(cos alpha)
+
+The camera's near and far distances are the rasteriser's; here rays start in the eye and end at a surface or never.
+
+Source: Dobashi, Yamamoto and Nishita 2002, eqs. (1)-(3) with errata D-E1, D-E2, D-E3, D-E34.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atmoref._jit import device, kernel
+from atmoref.truth.beams_geometry import (
+    NOTHING,
+    add,
+    dot,
+    nearest_hit,
+    normal_and_albedo,
+    row,
+    scaled,
+    sees,
+    subtract,
+)
+from atmoref.truth.beams_integral import Settings, integrate_pieces, light_distribution, workspace
+from atmoref.truth.beams_pieces import cut_capacity, find_pieces, line_from_light
+from atmoref.truth.beams_question import NO_FALLOFF, Question
+from atmoref.truth.quadrature_rules import GAUSS_KRONROD_21, Rule
+from atmoref.truth.rows import Crop, Progress, run_rows
+
+__all__ = ["ROUNDING", "quadrature", "quadrature_along"]
+
+ROUNDING = 4e-15
+"""Relative rounding error of a pixel's integral, added to the quadrature's own estimate (measured 1e-15)."""
+
+_COUNTERS = 3  # panels, lit pieces, rays with a lit piece
+
+
+@device
+def _reach(q, which, light, p):
+    """Return I_l in the direction of a point."""
+    if q.light_outer_rad[which] >= math.pi:
+        return q.light_peak[which]
+    w = subtract(p, light)
+    axis = row(q.light_axis, which)
+    cosine = dot(w, axis) / math.sqrt(dot(w, w))
+    inner = q.light_inner_rad[which]
+    outer = q.light_outer_rad[which]
+    if not cosine > math.cos(outer):
+        return 0.0
+    if q.light_falloff[which] == NO_FALLOFF or cosine >= math.cos(inner):
+        return q.light_peak[which]
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    return q.light_peak[which] * light_distribution(
+        q.light_falloff[which], cosine, sine, math.cos(inner), math.cos(outer), inner, outer
+    )
+
+
+@device
+def _surface(q, start, d, distance, kind, index, out):
+    """Set the light (3,) that the surface at ``distance`` sends to the eye, dimmed by the medium both ways."""
+    out[:] = 0.0
+    if kind == NOTHING:
+        return
+    p = add(start, scaled(d, distance))
+    normal, albedo = normal_and_albedo(q, p, kind, index, d)
+    for which in range(q.light_peak.shape[0]):
+        light = row(q.light_position, which)
+        w = subtract(light, p)
+        ss = dot(w, w)
+        s = math.sqrt(ss)
+        cosine = dot(w, normal) / s
+        if not cosine > 0.0:
+            continue
+        share = _reach(q, which, light, p)
+        if share == 0.0 or not sees(q, light, p, kind, index):
+            continue
+        for c in range(3):
+            dim = math.exp(-q.extinction[c] * (s + distance))
+            out[c] += albedo[c] / math.pi * q.light_intensity[which, c] * share * cosine * dim / ss
+
+
+@device
+def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, counters):
+    """Set the light (3,) scattered to the eye along a ray up to ``distance``, and its error estimate."""
+    beam[:] = 0.0
+    error[:] = 0.0
+    value = scratch[3]
+    estimate = scratch[4]
+    lit = False
+    for which in range(q.light_peak.shape[0]):
+        line = line_from_light(start, d, row(q.light_position, which))
+        high = distance - line.foot
+        pieces = find_pieces(q, line, which, -line.foot, high, work.cuts, work.ends, work.classes)
+        if pieces == 0:
+            continue
+        lit = True
+        counters[0] += integrate_pieces(q, line, which, pieces, rule, settings, work, value, estimate, scratch)
+        counters[1] += pieces
+        for c in range(3):
+            scale = q.light_intensity[which, c] * q.light_peak[which] * q.scattering[c]
+            if scale > 0.0:
+                group = q.extinction_group[c]
+                beam[c] += scale * value[group]
+                if value[group] < math.inf:
+                    error[c] += scale * (estimate[group] + ROUNDING * value[group])
+    if lit:
+        counters[2] += 1
+
+
+@device
+def _ambient(q, distance, c):
+    """Return the ambient term of one channel."""
+    if not q.ambient_saturates:
+        return q.ambient[c]
+    if q.extinction[c] == 0.0:
+        return 0.0
+    return -q.ambient[c] * math.expm1(-q.extinction[c] * distance)
+
+
+@device
+def _one_ray(q, start, d, limit, rule, settings, work, image, beam, surface, error, scratch, counters):
+    distance, kind, index = nearest_hit(q, start, d)
+    if limit < distance:
+        distance, kind = limit, NOTHING
+    _surface(q, start, d, distance, kind, index, surface)
+    _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, counters)
+    for c in range(3):
+        image[c] = surface[c] + beam[c] + _ambient(q, distance, c)
+        error[c] += ROUNDING * (image[c] - beam[c])
+
+
+@kernel
+def _rows_kernel(image, beam, surface, error, counters, q, rule, settings, work, shape, corner, rows):
+    """Fill the rows [rows[0], rows[1]) of a crop whose corner (column, row) lies in an image of ``shape`` (H, W)."""
+    scratch = np.empty((5, 3))
+    for j in range(rows[0], rows[1]):
+        y = (1.0 - 2.0 * (corner[1] + j + 0.5) / shape[0]) * q.half_height
+        for i in range(image.shape[1]):
+            x = (2.0 * (corner[0] + i + 0.5) / shape[1] - 1.0) * q.half_width
+            ray = (
+                q.forward[0] + x * q.right[0] + y * q.up[0],
+                q.forward[1] + x * q.right[1] + y * q.up[1],
+                q.forward[2] + x * q.right[2] + y * q.up[2],
+            )
+            d = scaled(ray, 1.0 / math.sqrt(dot(ray, ray)))
+            start = (q.eye[0], q.eye[1], q.eye[2])
+            _one_ray(
+                q, start, d, math.inf, rule, settings, work,
+                image[j, i], beam[j, i], surface[j, i], error[j, i], scratch, counters[j],
+            )  # fmt: skip
+
+
+@kernel
+def _rays_kernel(image, beam, surface, error, counters, q, rule, settings, work, starts, directions, limits):
+    """Fill one entry for each of n rays."""
+    scratch = np.empty((5, 3))
+    for i in range(starts.shape[0]):
+        d = row(directions, i)
+        d = scaled(d, 1.0 / math.sqrt(dot(d, d)))
+        _one_ray(
+            q, row(starts, i), d, limits[i], rule, settings, work,
+            image[i], beam[i], surface[i], error[i], scratch, counters[i],
+        )  # fmt: skip
+
+
+def _work_for(q: Question, settings: Settings) -> Any:
+    capacity = cut_capacity(q.sphere_radius.size, q.box_min.shape[0], q.ground_height.size)
+    return workspace(capacity, settings.first_split)
+
+
+def quadrature(
+    q: Question,
+    shape: tuple[int, int],
+    crop: Crop,
+    *,
+    rtol: float = 1e-9,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    rule: Rule = GAUSS_KRONROD_21,
+    first_split: int = 1,
+    adaptive: bool = True,
+) -> dict[str, NDArray[Any]]:
+    """Return the radiance of the pixels of a crop, with an error estimate for each.
+
+    Parameters
+    ----------
+    q
+        The question.
+    shape
+        (H, W) of the whole image, in pixels.
+    crop
+        The part to compute, row 0 at the top.
+    rtol
+        Pieces are divided until the estimate is below rtol times the pixel's beam term, in every channel.
+    threads
+        Rows are shared by this many threads; None takes all processors. The bits do not depend on it.
+    progress
+        Called as ``progress(rows_done, rows_in_all)`` in the calling thread.
+    rule, first_split, adaptive
+        For cross-checks with other rules and finer first panels.
+
+    Returns
+    -------
+    dict
+        ``image, beam, surface, error`` (h, w, 3) float64, radiance in W/(m² sr); ``counters`` (h, 3): panels, lit
+        pieces, rays with a lit piece.
+    """
+    settings = Settings(rtol, first_split, adaptive)
+    out = _outputs((crop.height, crop.width), (crop.height,))
+    corner = (crop.x, crop.y)
+
+    def compute(first: int, last: int) -> None:
+        work = _work_for(q, settings)
+        _rows_kernel(*out.values(), q, rule, settings, work, shape, corner, (first, last))
+
+    run_rows(compute, crop.height, threads, progress)
+    return out
+
+
+def quadrature_along(
+    q: Question,
+    starts: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    limits: NDArray[np.float64] | None = None,
+    *,
+    rtol: float = 1e-9,
+    rule: Rule = GAUSS_KRONROD_21,
+    first_split: int = 1,
+    adaptive: bool = True,
+) -> dict[str, NDArray[Any]]:
+    """Return the radiance along any rays.
+
+    Parameters
+    ----------
+    q
+        The question; its camera is not read.
+    starts, directions
+        (n, 3); directions of any length.
+    limits
+        (n,) lengths (m) at which rays end in nothing, if no surface comes first; None for no limit.
+    rtol, rule, first_split, adaptive
+        As for :func:`quadrature`.
+
+    Returns
+    -------
+    dict
+        ``image, beam, surface, error`` (n, 3); ``counters`` (n, 3).
+    """
+    settings = Settings(rtol, first_split, adaptive)
+    n = starts.shape[0]
+    if starts.shape != (n, 3) or directions.shape != (n, 3):
+        raise ValueError(f"rays want shapes (n, 3), found {starts.shape} and {directions.shape}")
+    ends = np.full(n, math.inf) if limits is None else np.ascontiguousarray(limits, np.float64)
+    out = _outputs((n,), (n,))
+    a = np.ascontiguousarray(starts, np.float64)
+    b = np.ascontiguousarray(directions, np.float64)
+    _rays_kernel(*out.values(), q, rule, settings, _work_for(q, settings), a, b, ends)
+    return out
+
+
+def _outputs(shape: tuple[int, ...], rows: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    out: dict[str, NDArray[Any]] = {name: np.zeros((*shape, 3)) for name in ("image", "beam", "surface", "error")}
+    out["counters"] = np.zeros((*rows, _COUNTERS), np.int64)
+    return out
