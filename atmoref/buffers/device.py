@@ -1,0 +1,247 @@
+"""What hardware decides: rounding on store, products of blends, filter weights, the shadow reference.
+
+The specifications leave these open, so each is a field of `Device`; `rule` turns a device and a format into the
+numbers that a kernel gets as uniforms.
+
+What is the same on every device here: a NaN stored as unorm gives 0, a float format keeps it (r11g11b10f as well);
+-0 is stored as +0; denormals are kept; blends into float formats are separate multiplications and additions, without
+fused multiply-add, rounded once by the store.
+
+Presets
+-------
+ideal
+    The specifications read strictly: nearest even everywhere, blend sources quantised before the blend (as fixed-point
+    hardware does, on which Dobashi et al. 2002 drew), products of codes are the correctly rounded real product, exact
+    filter weights.
+gl_llvmpipe
+    Mesa 22.3.6 llvmpipe as measured, bit for bit. unorm10 goes through 16 bits (rounded to 16, cut to 10). Formats
+    outside `Device.measured` fall back on the rules of `ideal` and are no statement about Mesa.
+geforce3, geforce_fx
+    ASSUMED, from general knowledge of fixed-point blenders of the time; nothing was measured and no claim rests on
+    them. Both filter 8-bit textures with 8 bits. geforce3 cuts products and stores (truncation), its 9-bit register
+    combiners are ignored; geforce_fx adds one half and cuts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
+
+if TYPE_CHECKING:
+    from atmoref.buffers.formats import Format
+
+Rounding = Literal["nearest_even", "half_up", "truncate"]
+Product = Literal["rounded", "two_step"]
+Filter = Literal["exact", "fused", "bytes"]
+ROUNDINGS: Final[tuple[str, ...]] = get_args(Rounding)
+FILTERS: Final[tuple[str, ...]] = get_args(Filter)
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What one piece of hardware decides.
+
+    Parameters
+    ----------
+    name
+        As written in scene files and in every output.
+    rounding
+        How a real becomes a unorm code. The three rules act on the product x * top in the arithmetic of the kernel.
+    rounding_is_open
+        May a scene override `rounding`?
+    float_rounding
+        How a real becomes a small float. `truncate` goes toward zero; a finite overflow then gives the largest finite
+        value instead of infinity. r11g11b10f always overflows to its largest value.
+    quantise_first
+        Is a blend's source (its alpha too) stored to a code before the blend computes with codes? If not, the blend is
+        computed in reals and rounded once.
+    product
+        Codes a, b of n bits: `rounded` is a b / top by the device's rounding; `two_step` is Mesa's
+        (t + (t >> n) + half) >> n of t = a b, which differs from the nearest code in 24 of 65536 pairs of 8 bits.
+    through_16_bits
+        Formats that are blended and rounded as 16-bit codes, then cut.
+    bytes_filter
+        Filter of textures of format unorm8: `bytes` has 8-bit weights and 8-bit results.
+    filter
+        Filter of all other textures: `exact` is a + w (b - a), `fused` the same with one rounding.
+    clamp_shadow_reference
+        Is the reference of a shadow compare clamped to [0, 1] where the depth format is unorm?
+    measured
+        Formats whose rules were measured on the device; empty for a device that is a definition or an assumption.
+    assumed
+        Was nothing measured?
+    """
+
+    name: str
+    rounding: Rounding = "nearest_even"
+    rounding_is_open: bool = True
+    float_rounding: Rounding = "nearest_even"
+    quantise_first: bool = True
+    product: Product = "rounded"
+    through_16_bits: frozenset[str] = frozenset()
+    bytes_filter: Filter = "exact"
+    filter: Filter = "exact"
+    clamp_shadow_reference: bool = True
+    measured: frozenset[str] = frozenset()
+    assumed: bool = False
+
+    def __post_init__(self) -> None:
+        for key, allowed in (("rounding", ROUNDINGS), ("float_rounding", ROUNDINGS)):
+            if getattr(self, key) not in allowed:
+                raise ValueError(f"device {self.name}: {key} is {getattr(self, key)!r}, allowed: {', '.join(allowed)}")
+        if self.through_16_bits and not self.quantise_first:
+            raise ValueError(f"device {self.name}: blending through 16 bits means that sources are quantised first")
+
+
+_PRESETS = (
+    Device("ideal"),
+    Device(
+        "gl_llvmpipe",
+        rounding_is_open=False,
+        float_rounding="truncate",
+        product="two_step",
+        through_16_bits=frozenset({"unorm10"}),
+        bytes_filter="bytes",
+        filter="fused",
+        measured=frozenset({"unorm8", "unorm10", "unorm16", "float16", "r11g11b10f", "float32"}),
+    ),
+    Device("geforce3", rounding="truncate", bytes_filter="bytes", assumed=True),
+    Device("geforce_fx", rounding="half_up", bytes_filter="bytes", assumed=True),
+)
+DEVICES: Final[Mapping[str, Device]] = MappingProxyType({d.name: d for d in _PRESETS})
+
+
+class Rule(NamedTuple):
+    """A device's treatment of one format, as run-time uniforms; every format has the same types, so nothing recompiles.
+
+    A *working* code is what blends compute with: the stored code, or its expansion to 16 bits.
+    """
+
+    unorm: bool  # else a float format
+    even: bool  # nearest even; else floor(x + bias)
+    bias: float
+    first: bool  # sources are quantised before the blend
+    top: float  # greatest working code
+    through: bool  # stored codes are working codes cut by `narrow`
+    bits: int  # of a working code
+    before: int  # a product of codes: t = a b + before, (t + (t >> bits) + after) >> bits
+    after: int
+    stored_top: float  # greatest stored code
+    inverse: float  # 1 / stored_top = inverse + inverse_rest; code * inverse is exact in float32
+    inverse_rest: float
+    narrow: float  # stored = floor(working * narrow); working = stored / narrow + floor(stored * carry)
+    carry: float
+    digits: int  # significand bits of a float format, the leading one included
+    least_exponent: int  # its smallest normal number is 2**least_exponent
+    greatest: float  # its greatest finite number
+    overflow: float  # what a finite number beyond it becomes
+    least: float  # lower clamp: 0 for unsigned formats
+
+
+def split_inverse(top: int, bits: int) -> tuple[float, float]:
+    """Return (a, b) with a + b = 1 / top, a short enough that code * a is exact in float32.
+
+    For every code of 2 ... 16 bits float32(code * a) + float32(code * b) is then the correctly rounded code / top
+    (tests enumerate them); one product code * float32(1 / top) is wrong for 126 of 256 codes of 8 bits.
+    """
+    short = max(24 - bits, 1)
+    scale = 2.0 ** (bits + short - 1)
+    a = float(int(scale / top)) / scale
+    return a, 1.0 / top - a
+
+
+def _unorm_rule(fmt: Format, device: Device, rounding: Rounding) -> Rule:
+    bits, top = fmt.bits, fmt.top
+    through = fmt.name in device.through_16_bits
+    work = 16 if through else bits
+    half = 1 << (work - 1)
+    if device.product == "two_step" and fmt.name in device.measured:
+        before, after = 0, half
+    elif rounding == "truncate":
+        before, after = 0, 1
+    else:  # a b / top is never a tie, top being odd: nearest even and half up agree
+        before, after = half, 0
+    inverse, rest = split_inverse(top, bits)
+    return Rule(
+        unorm=True,
+        even=rounding == "nearest_even",
+        bias=0.5 if rounding == "half_up" else 0.0,
+        first=device.quantise_first,
+        top=float((1 << work) - 1),
+        through=through,
+        bits=work,
+        before=before,
+        after=after,
+        stored_top=float(top),
+        inverse=inverse,
+        inverse_rest=rest,
+        narrow=2.0 ** (bits - work),
+        carry=2.0 ** (work - 2 * bits) if through else 0.0,
+        digits=0,
+        least_exponent=0,
+        greatest=0.0,
+        overflow=0.0,
+        least=0.0,
+    )
+
+
+def _float_rule(fmt: Format, rounding: Rounding, channel: int) -> Rule:
+    greatest = fmt.greatest(channel)
+    saturates = rounding == "truncate" or not fmt.signed
+    return Rule(
+        unorm=False,
+        even=rounding == "nearest_even",
+        bias=0.5 if rounding == "half_up" else 0.0,
+        first=False,
+        top=1.0,
+        through=False,
+        bits=0,
+        before=0,
+        after=0,
+        stored_top=1.0,
+        inverse=1.0,
+        inverse_rest=0.0,
+        narrow=1.0,
+        carry=0.0,
+        digits=fmt.mantissa(channel) + 1,
+        least_exponent=fmt.least_exponent,
+        greatest=greatest,
+        overflow=greatest if saturates else float("inf"),
+        least=float("-inf") if fmt.signed else 0.0,
+    )
+
+
+def rule(fmt: Format, device: Device, rounding: Rounding | None = None, channel: int = 0) -> Rule:
+    """Return the uniforms by which kernels store, read and blend one channel of a format on a device.
+
+    Parameters
+    ----------
+    fmt
+        The format of the buffer.
+    device
+        The hardware.
+    rounding
+        Overrides the device's rule of both unorm and float formats; None keeps it.
+    channel
+        Matters for r11g11b10f alone, whose third channel has one bit less.
+
+    Raises
+    ------
+    ValueError
+        An unknown rounding, one given for a device that leaves no choice, or a channel out of range.
+    """
+    if rounding is not None:
+        if rounding not in ROUNDINGS:
+            raise ValueError(f"rounding is {rounding!r}, allowed: {', '.join(ROUNDINGS)}")
+        if not device.rounding_is_open:
+            raise ValueError(
+                f"rounding {rounding!r} contradicts device {device.name!r}, whose rounding is measured and fixed; "
+                "leave rounding out, or take a device that leaves it open (ideal, geforce3, geforce_fx)"
+            )
+    if not 0 <= channel <= 3:
+        raise ValueError(f"channel is {channel}, allowed: 0 ... 3")
+    if fmt.kind == "unorm":
+        return _unorm_rule(fmt, device, rounding or device.rounding)
+    return _float_rule(fmt, rounding or device.float_rounding, channel)

@@ -1,0 +1,298 @@
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
+"""Texture reads in kernels: nearest, bilinear, trilinear, projective, shadow compare.
+
+A texture's first row is v = 0; texel i has its centre at (i + 1/2) / width. Pictures whose row 0 is the top are flipped
+by the caller. Addressing is clamp to edge: texels stand padded by one all round, so that no index is clamped, and *u, v
+(and w) must be in [0, 1]* when they arrive (`lanes.saturate`; NaN would read anywhere). What is zero outside, as a
+light map is, is masked by the caller with `inside`, before the clamp.
+
+Three linear filters, chosen at run time by the texture:
+
+exact
+    x = u width - 1/2, weight x - floor(x), a + weight (b - a), along x, then y, then z.
+fused
+    The same with one rounding, fma(weight, b - a, a).
+bytes
+    8-bit weights and results: x = round(u (256 width)) - 128, texel x >> 8, weight x & 255,
+    a + ((weight (b - a) + 128) >> 8) in codes. 256 steps between two texels; up to 1.45 codes from the exact bilinear
+    filter, 1.87 codes from the trilinear one.
+"""
+
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from atmoref._jit import device
+from atmoref.buffers.device import Device, Filter, split_inverse
+from atmoref.buffers.formats import Format, decode, encode
+from atmoref.lanes import (
+    F32,
+    compiled_only,
+    floor,
+    fma,
+    gather,
+    gather_pair,
+    lerp_bytes,
+    lift,
+    overload,
+    round_int,
+    saturate,
+    select,
+    to_int,
+)
+
+EXACT: Final = 0
+FUSED: Final = 1
+BYTES: Final = 2
+MODES: Final = {"exact": EXACT, "fused": FUSED, "bytes": BYTES}
+INVERSE, REST = split_inverse(255, 8)
+EVEN = np.int32(0x00FF00FF)
+
+
+class Texture(NamedTuple):
+    """What a kernel needs to read a texture; made by `texture`."""
+
+    data: Any  # values, flat: channel, slice, row, column, each row, column and (3-D) slice padded by one
+    packed: Any  # int32, the same texels as RGBA8 with red in the low byte; one element where no filter needs it
+    width: int
+    height: int
+    depth: int
+    row: int  # elements from one row to the next
+    slab: int  # from one slice to the next
+    plane: int  # from one channel to the next
+    mode: int  # EXACT, FUSED, BYTES
+    pcf: bool  # a shadow compare filters four results
+    clamp_reference: bool  # it clamps its reference to [0, 1]
+
+
+def _channels_first(values: ArrayLike, volume: bool) -> NDArray[Any]:
+    """Return (C, D, H, W) from (H, W) or (H, W, C), or a volume's (D, H, W) or (D, H, W, C)."""
+    texels = np.asarray(values)
+    spatial = 3 if volume else 2
+    if texels.ndim not in (spatial, spatial + 1):
+        raise ValueError(f"a {spatial}-D texture has {spatial} or {spatial + 1} axes, found shape {texels.shape}")
+    if texels.ndim == spatial:
+        texels = texels[..., None]
+    if 0 in texels.shape or texels.shape[-1] > 4:
+        raise ValueError(f"a texture has at least one texel and 1 ... 4 channels, found shape {texels.shape}")
+    texels = np.moveaxis(texels, -1, 0)
+    return texels if volume else texels[:, None]
+
+
+def _codes(texels: NDArray[Any], fmt: Format, device: Device) -> NDArray[Any]:
+    """Return (C, D, H, W) codes or numbers as the format stores them."""
+    if np.issubdtype(texels.dtype, np.integer):
+        if fmt.kind != "unorm":
+            raise ValueError(f"integers are codes, which format {fmt.name} does not have")
+        if texels.min() < 0 or texels.max() > fmt.top:
+            raise ValueError(f"{fmt.name} has codes 0 ... {fmt.top}, found {texels.min()} ... {texels.max()}")
+        return texels.astype(fmt.storage)
+    return np.stack([encode(t, fmt, device, channel=c) for c, t in enumerate(texels)])
+
+
+def texture(
+    values_or_codes: ArrayLike,
+    fmt: Format,
+    device: Device,
+    arith_dtype: DTypeLike = np.float32,
+    filter: Filter | None = None,
+    *,
+    volume: bool = False,
+    compare: Literal["nearest", "pcf"] = "nearest",
+) -> Texture:
+    """Return a texture for kernels.
+
+    Parameters
+    ----------
+    values_or_codes
+        (H, W) or (H, W, C), C = 1 ... 4; row 0 is v = 0. With `volume` (D, H, W) or (D, H, W, C); slice 0 is w = 0.
+        Integers are codes; reals are encoded by the device.
+    fmt, device
+        How the texels are stored, and by what hardware they are read.
+    arith_dtype
+        float32 or float64: the arithmetic of the kernel that reads.
+    filter
+        Overrides the device's choice for this format.
+    volume
+        Is it three-dimensional?
+    compare
+        How `shadow_compare` reads it.
+
+    Raises
+    ------
+    ValueError
+        A shape, code, filter or type that a texture cannot have, or more than 2**31 elements.
+    """
+    real = np.dtype(arith_dtype)
+    if real not in (np.float32, np.float64):
+        raise ValueError(f"textures are read in float32 or float64, not in {real}")
+    chosen = filter or (device.bytes_filter if fmt.name == "unorm8" else device.filter)
+    if chosen not in MODES:
+        raise ValueError(f"filter is {chosen!r}, allowed: {', '.join(MODES)}")
+    if compare not in ("nearest", "pcf"):
+        raise ValueError(f"compare is {compare!r}, allowed: nearest, pcf")
+    if chosen == "bytes" and fmt.name != "unorm8":
+        raise ValueError(f"filter 'bytes' reads 8-bit codes, format {fmt.name} has none")
+    texels = _channels_first(values_or_codes, volume)
+    channels, depth, height, width = texels.shape
+    if chosen == "bytes" and max(depth, height, width) >= 1 << 14:
+        raise ValueError(f"filter 'bytes' takes at most 16383 texels each way, found {texels.shape[1:]}")
+    padding = ((0, 0), (1, 1) if volume else (0, 0), (1, 1), (1, 1))
+    row, slab = width + 2, (width + 2) * (height + 2)
+    plane = slab * (depth + 2 if volume else 1)
+    if channels * plane >= 1 << 31:
+        raise ValueError(f"a texture of shape {texels.shape} has more elements than a 32-bit index reaches")
+    codes = np.pad(_codes(texels, fmt, device), padding, mode="edge")
+    packed = np.zeros(1, np.uint32)
+    if chosen == "bytes":
+        packed = np.zeros(plane, np.uint32)
+        for c in range(channels):
+            packed |= codes[c].ravel().astype(np.uint32) << np.uint32(8 * c)
+    data = np.ascontiguousarray(decode(codes, fmt).astype(real).ravel())
+    clamps = device.clamp_shadow_reference and fmt.kind == "unorm"
+    mode = MODES[chosen]
+    return Texture(data, packed.view(np.int32), width, height, depth, row, slab, plane, mode, compare == "pcf", clamps)
+
+
+# ---- coordinates
+@device
+def project(x, y, w):
+    """Return (x / w, y / w) as devices do: both times one reciprocal."""
+    inverse = 1.0 / w
+    return x * inverse, y * inverse
+
+
+@device
+def inside(u, v):
+    """Return the mask of coordinates within the texture, borders included; NaN is outside."""
+    return (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
+
+
+@device
+def lerp(tex, weight, a, b):
+    """Return the linear interpolation of the texture's filter."""
+    if tex.mode == FUSED:
+        return fma(weight, b - a, a)
+    return a + weight * (b - a)
+
+
+@device
+def footprint(tex, u, v):
+    """Return the index of the lower left texel of a bilinear footprint, and the weights of the others."""
+    x, y = u * tex.width - 0.5, v * tex.height - 0.5
+    fx, fy = floor(x), floor(y)
+    return to_int(fy) * tex.row + to_int(fx) + (tex.row + 1), x - fx, y - fy
+
+
+@device
+def byte_axis(u, size):
+    """Return the lower texel and the weight of the 8-bit filter along one axis; the weight in both halves."""
+    x = round_int(u * (size * 256)) - 128
+    weight = x & 255
+    return x >> 8, weight | (weight << 16)
+
+
+@compiled_only
+def byte_value(x: Any) -> Any:
+    """Return code / 255, correctly rounded, of codes as reals."""
+
+
+@overload(byte_value)
+def _byte_value(x: Any) -> Any:
+    if x == F32:
+        return lambda x: x * INVERSE + x * REST
+    return lambda x: x / 255.0
+
+
+# ---- filters
+@device
+def nearest(arith, tex, channel, u, v):
+    """Return the texel at (u, v)."""
+    index = to_int(v * tex.height) * tex.row + to_int(u * tex.width) + (tex.row + 1 + channel * tex.plane)
+    return lift(arith, gather(tex.data, index))
+
+
+@device
+def quad(arith, tex, index, wx, wy):
+    """Return the bilinear filter of four texels from `index`."""
+    a, b = lift(arith, gather_pair(tex.data, index))
+    c, d = lift(arith, gather_pair(tex.data, index + tex.row))
+    return lerp(tex, wy, lerp(tex, wx, a, b), lerp(tex, wx, c, d))
+
+
+@device
+def byte_quad(tex, index, shift, wx, wy):
+    """Return the 8-bit filter of channels `shift` and `shift` + 16 bits, in codes, packed as they were."""
+    a, b = gather_pair(tex.packed, index)
+    c, d = gather_pair(tex.packed, index + tex.row)
+    low = lerp_bytes((a >> shift) & EVEN, (b >> shift) & EVEN, wx)
+    return lerp_bytes(low, lerp_bytes((c >> shift) & EVEN, (d >> shift) & EVEN, wx), wy)
+
+
+@device
+def bilinear(arith, tex, channel, u, v):
+    """Return one channel of the bilinear filter at (u, v)."""
+    if tex.mode == BYTES:
+        (x, wx), (y, wy) = byte_axis(u, tex.width), byte_axis(v, tex.height)
+        code = byte_quad(tex, y * tex.row + x + (tex.row + 1), 8 * channel, wx, wy)
+        return byte_value(lift(arith, code & 255))
+    index, wx, wy = footprint(tex, u, v)
+    return quad(arith, tex, index + channel * tex.plane, wx, wy)
+
+
+@device
+def bilinear3(arith, tex, u, v):
+    """Return the first three channels of the bilinear filter at (u, v)."""
+    if tex.mode == BYTES:
+        (x, wx), (y, wy) = byte_axis(u, tex.width), byte_axis(v, tex.height)
+        index = y * tex.row + x + (tex.row + 1)
+        rb, g = byte_quad(tex, index, 0, wx, wy), byte_quad(tex, index, 8, wx, wy)
+        return (
+            byte_value(lift(arith, rb & 255)),
+            byte_value(lift(arith, g & 255)),
+            byte_value(lift(arith, rb >> 16)),
+        )
+    index, wx, wy = footprint(tex, u, v)
+    return (
+        quad(arith, tex, index, wx, wy),
+        quad(arith, tex, index + tex.plane, wx, wy),
+        quad(arith, tex, index + 2 * tex.plane, wx, wy),
+    )
+
+
+@device
+def trilinear(arith, tex, channel, u, v, w):
+    """Return one channel of the trilinear filter of a volume at (u, v, w)."""
+    if tex.mode == BYTES:
+        (x, wx), (y, wy), (z, wz) = byte_axis(u, tex.width), byte_axis(v, tex.height), byte_axis(w, tex.depth)
+        index = z * tex.slab + y * tex.row + x + (tex.slab + tex.row + 1)
+        near = byte_quad(tex, index, 8 * channel, wx, wy)
+        code = lerp_bytes(near, byte_quad(tex, index + tex.slab, 8 * channel, wx, wy), wz)
+        return byte_value(lift(arith, code & 255))
+    index, wx, wy = footprint(tex, u, v)
+    z = w * tex.depth - 0.5
+    fz = floor(z)
+    index = to_int(fz) * tex.slab + index + (tex.slab + channel * tex.plane)
+    near = quad(arith, tex, index, wx, wy)
+    return lerp(tex, z - fz, near, quad(arith, tex, index + tex.slab, wx, wy))
+
+
+@device
+def shadow_compare(arith, tex, u, v, reference):
+    """Return 1 where reference <= stored depth, else 0; with PCF the bilinear filter of four such results.
+
+    Channel 0 is the depth. The reference is clamped to [0, 1] where the device does so; else everything beyond the
+    light's far plane would be dark.
+    """
+    if tex.clamp_reference:
+        reference = saturate(reference)
+    one = lift(arith, 1.0)
+    if not tex.pcf:
+        return select(reference <= nearest(arith, tex, 0, u, v), one, 0.0)
+    index, wx, wy = footprint(tex, u, v)
+    a, b = lift(arith, gather_pair(tex.data, index))
+    c, d = lift(arith, gather_pair(tex.data, index + tex.row))
+    low = lerp(tex, wx, select(reference <= a, one, 0.0), select(reference <= b, one, 0.0))
+    return lerp(tex, wy, low, lerp(tex, wx, select(reference <= c, one, 0.0), select(reference <= d, one, 0.0)))
