@@ -4,7 +4,7 @@ A kernel reads like the shader it mirrors: comparisons give masks, `select` choo
 lane is left.  The same source runs in float32 and float64 (tags `Single`, `Double`); width 1 is its scalar build.
 """
 
-from atmoref.lanes import operators as _operators  # registers the operators
+import atmoref.lanes.operators  # noqa: F401  registers the operators
 from atmoref.lanes.arith import (
     Double,
     Single,
@@ -25,11 +25,13 @@ from atmoref.lanes.arith import (
     sqrt,
     square,
 )
+from atmoref.lanes.functions import atan2, cos, exp, log, sin, tan
 from atmoref.lanes.instructions import (
     convert,
     copy_sign,
     exponent,
     fma,
+    from_int,
     iota,
     lerp_bytes,
     power_of_two,
@@ -54,13 +56,17 @@ __all__ = [
     "absolute",
     "all_lanes",
     "any_lane",
+    "atan2",
     "compiled_only",
     "convert",
     "copy_sign",
+    "cos",
     "count_lanes",
+    "exp",
     "exponent",
     "floor",
     "fma",
+    "from_int",
     "gather",
     "gather_pair",
     "iota",
@@ -71,6 +77,7 @@ __all__ = [
     "lerp_bytes",
     "lift",
     "load",
+    "log",
     "maximum",
     "minimum",
     "overload",
@@ -82,9 +89,11 @@ __all__ = [
     "select",
     "shift_right",
     "significand",
+    "sin",
     "spread_int",
     "sqrt",
     "square",
     "store",
+    "tan",
     "to_int",
 ]

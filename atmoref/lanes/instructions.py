@@ -216,6 +216,14 @@ def power_of_two(typing: Any, like: Any, k: Any) -> Any:
 
 
 @instruction
+def from_int(typing: Any, like: Any, k: Any) -> Any:
+    """Return an int32 lane in the real type of `like`."""
+    if not is_real(like) or k != I32:
+        return None
+    return like(like, I32), lambda ctx, b, sig, a: b.sitofp(a[1], a[0].type)
+
+
+@instruction
 def exponent(typing: Any, x: Any) -> Any:
     """Return the unbiased exponent of a positive normal x, as int32: 2**e <= x < 2**(e + 1)."""
     if not is_real(x):

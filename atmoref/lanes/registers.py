@@ -115,6 +115,7 @@ class Instruction(extending._Intrinsic):  # type: ignore[misc]
     """A Numba intrinsic that says what is wrong when plain Python calls it."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Refuse."""
         raise TypeError(f"{self._name} exists only in compiled kernels")
 
 
