@@ -25,11 +25,12 @@ from typing import Any, Final
 
 import filelock
 import numba
-from numba.core import caching
+from numba.core import caching, config
 
 from atmoref._cache import writable_root
 
 KEEP_SECONDS: Final = 30 * 86400
+settings: Any = config  # Numba sets its names at run time
 _log = logging.getLogger(__name__)
 _decorating = threading.RLock()
 
@@ -75,7 +76,7 @@ def _directory() -> Path:
 CACHE_DIRECTORY: Final = _directory()
 
 
-class _KernelCache(caching.FunctionCache):  # type: ignore[misc]
+class _KernelCache(caching.FunctionCache):
     """Numba's cache, safe for several processes, and never a reason to fail.
 
     Numba updates index and data file one after the other without a lock: two processes that compile two signatures of
@@ -106,14 +107,14 @@ class _KernelCache(caching.FunctionCache):  # type: ignore[misc]
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile an entry point that Python calls: GIL released, IEEE arithmetic, cached on disk."""
-    dispatcher = numba.njit(error_model="numpy", nogil=True, fastmath=False)(function)
-    with _decorating:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
+    dispatcher: Any = numba.njit(error_model="numpy", nogil=True, fastmath=False)(function)
+    with _decorating:  # other packages' kernels keep their own directory
+        before = settings.CACHE_DIR
+        settings.CACHE_DIR = str(CACHE_DIRECTORY)
         try:
             dispatcher._cache = _KernelCache(function)
         finally:
-            numba.config.CACHE_DIR = before
+            settings.CACHE_DIR = before
     return dispatcher
 
 

@@ -25,7 +25,7 @@ class Double(NamedTuple):
     """Tag: float64, the method itself."""
 
 
-def is_tag(value: types.Type, tag: type) -> bool:
+def is_tag(value: Any, tag: type) -> bool:
     """Tell whether a Numba type stands for a tag; compare types, never values (empty tuples are all equal)."""
     return isinstance(value, types.BaseNamedTuple) and value.instance_class is tag
 
@@ -39,7 +39,7 @@ def lift(arith: Any, x: Any) -> Any:
     """
 
 
-def _lift_tuple(x: types.BaseTuple) -> Any:
+def _lift_tuple(x: Any) -> Any:
     """Return code that lifts a tuple item by item, nested tuples included, and keeps its class."""
     items = "".join(f"lift(arith, x[{i}])," for i in range(len(x)))
     names: dict[str, Any] = {"lift": lift, "make": getattr(x, "instance_class", None)}

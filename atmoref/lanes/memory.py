@@ -31,7 +31,7 @@ ELEMENTS = (types.float32, types.float64, types.int32, types.uint8, types.uint16
 CODES = (types.uint8, types.uint16, types.uint32)
 
 
-class VectorGep(ir.instructions.Instruction):  # type: ignore[misc]
+class VectorGep(ir.instructions.Instruction):
     """A getelementptr with a vector of indices, which llvmlite's own lacks."""
 
     def __init__(self, parent: Any, base: ir.Value, index: ir.Value, element: ir.Type) -> None:
@@ -44,14 +44,14 @@ class VectorGep(ir.instructions.Instruction):  # type: ignore[misc]
         buf.append(f"getelementptr {self.element}, {base}, {index}\n")
 
 
-def _element(array: types.Type) -> types.Type:
+def _element(array: Any) -> Any:
     """Return the element of an array that lanes can use, or refuse."""
     if isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype in ELEMENTS:
         return array.dtype
     raise refuse("lanes need a 1-D C-contiguous array of float32, float64, int32, uint8, uint16 or uint32", array)
 
 
-def _register(element: types.Type) -> Lane:
+def _register(element: Any) -> Lane:
     """Return the lane type in which elements of an array are held."""
     return I32 if element in CODES else Lane(element)
 

@@ -36,9 +36,9 @@ def _operator(
     op: Any, real: Emit | None, integer: Emit | None, mask: Emit | None = None, *, test: bool = False
 ) -> None:
     """Register a binary operator and its in-place form; `test` marks one whose result is a mask."""
-    emits = {F32: real, F64: real, I32: integer, MASK: mask}
+    emits: dict[Any, Any] = {F32: real, F64: real, I32: integer, MASK: mask}
 
-    class LaneOperator(AbstractTemplate):  # type: ignore[misc]
+    class LaneOperator(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             lane = common(*args)
             if len(args) == 2 and lane and emits[lane]:
@@ -58,7 +58,7 @@ def _unary(op: Any, fits: Callable[[types.Type], bool], emit: Callable[[ir.IRBui
     """Register an operator of one lane whose result has the lane's type."""
 
     @infer_global(op)
-    class LaneOperator(AbstractTemplate):  # type: ignore[misc]
+    class LaneOperator(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             return signature(args[0], args[0]) if len(args) == 1 and fits(args[0]) else None
 
@@ -67,6 +67,10 @@ def _unary(op: Any, fits: Callable[[types.Type], bool], emit: Callable[[ir.IRBui
 
 def _plain(name: str) -> Emit:
     return lambda builder, x, y: getattr(builder, name)(x, y)
+
+
+def _comparison(name: str, sign: str) -> Emit:
+    return lambda builder, x, y: getattr(builder, name)(sign, x, y)
 
 
 def _negate(builder: ir.IRBuilder, x: ir.Value) -> ir.Value:
@@ -93,18 +97,8 @@ for _op, _sign in (
     (operator.ge, ">="),
     (operator.eq, "=="),
 ):
-    _operator(
-        _op,
-        lambda builder, x, y, s=_sign: builder.fcmp_ordered(s, x, y),
-        lambda builder, x, y, s=_sign: builder.icmp_signed(s, x, y),
-        test=True,
-    )
-_operator(
-    operator.ne,
-    lambda builder, x, y: builder.fcmp_unordered("!=", x, y),
-    lambda builder, x, y: builder.icmp_signed("!=", x, y),
-    test=True,
-)
+    _operator(_op, _comparison("fcmp_ordered", _sign), _comparison("icmp_signed", _sign), test=True)
+_operator(operator.ne, _comparison("fcmp_unordered", "!="), _comparison("icmp_signed", "!="), test=True)
 _unary(operator.neg, lambda lane: is_real(lane) or lane == I32, _negate)
 _unary(operator.pos, lambda lane: is_real(lane) or lane == I32, lambda builder, x: x)
 _unary(operator.invert, lambda lane: lane in (MASK, I32), _invert)

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from llvmlite import ir
 from numba import extending, types
+from numba.core import extending as core_extending
 from numba.core.errors import TypingError
 from numba.extending import models, register_model
 
@@ -32,10 +33,10 @@ LLVM_ELEMENT: Final = {
 }
 
 
-class Lane(types.Type):  # type: ignore[misc]
+class Lane(types.Type):
     """The Numba type of N values of one element type."""
 
-    def __init__(self, element: types.Type) -> None:
+    def __init__(self, element: Any) -> None:
         self.element = element
         super().__init__(name=f"{element}x{N}")
 
@@ -49,7 +50,7 @@ def vector(element: types.Type) -> ir.VectorType:
 
 
 @register_model(Lane)
-class LaneModel(models.PrimitiveModel):  # type: ignore[misc]
+class LaneModel(models.PrimitiveModel):
     """In memory and in registers a lane value is one LLVM vector."""
 
     def __init__(self, manager: Any, lane: Lane) -> None:
@@ -111,7 +112,10 @@ def call_llvm(builder: ir.IRBuilder, name: str, result: ir.Type, args: list[ir.V
 
 
 # ---- names that exist in kernels only
-class Instruction(extending._Intrinsic):  # type: ignore[misc]
+_Intrinsic: Any = core_extending._Intrinsic  # typed as final; only its message is replaced
+
+
+class Instruction(_Intrinsic):
     """A Numba intrinsic that says what is wrong when plain Python calls it."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
