@@ -32,6 +32,11 @@ def allowed(field: FieldInfo) -> str:
     return _phrase(field.annotation, field.metadata, unit_of(field), field.discriminator)
 
 
+def allowed_kind(annotation: Any) -> str:
+    """Return what a type allows, where no field declares it."""
+    return _phrase(annotation, (), "")
+
+
 def found(value: object) -> str:
     """Return a value as the user would recognise it from the file, shortened if it is long."""
     if value is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from atmoref.scene import emit
 from atmoref.scene.camera import Camera
+from atmoref.scene.describe import found
 from atmoref.scene.errors import SceneError, parse_model
 from atmoref.scene.models import (
     PHASES_WITH_G,
@@ -99,7 +100,8 @@ def scene_from_mapping(
         With a line for each problem.
     """
     if "schema" in mapping and (isinstance(mapping["schema"], bool) or mapping["schema"] != SCHEMA):
-        raise SceneError(f"{origin}: schema: found {mapping['schema']!r}; allowed: {SCHEMA} (all this version reads)")
+        version = found(mapping["schema"])
+        raise SceneError(f"{origin}: schema: found {version}; allowed: {SCHEMA} (all this version reads)")
     whole = parse_model(SceneFile, mapping, origin)
     return Scene(
         image=whole.image,

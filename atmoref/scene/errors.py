@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from atmoref.scene.describe import allowed, choice, found, key_names, shorten, tags
+from atmoref.scene.describe import allowed, allowed_kind, choice, found, key_names, shorten, tags
 
 M = TypeVar("M", bound=BaseModel)
 Part = str | int
@@ -153,11 +153,13 @@ def _problems(
 
 
 def _problem(place: _Place, kind: str, message: str, known: Sequence[str]) -> Problem:
-    if kind == "extra_forbidden" and isinstance(place.owner, type):
+    stray = kind in ("model_type", "model_attributes_type") and place.field is None  # no table, where one may be named
+    if place.owner is not None and place.path and (kind == "extra_forbidden" or stray):
         keys = [*key_names(place.owner), *(known if len(place.path) == 1 else ())]
-        here = "allowed here: " + ", ".join(keys) if keys else "no keys are allowed here"
-        name = str(place.path[-1])
-        return Problem(place.path, f"unknown key{nearest(name, keys)}; found {found(place.value)}; {here}")
+        here = ["allowed here: " + ", ".join(keys) if keys else "no keys are allowed here"]
+        here += [f"or {allowed_kind(place.annotation)} of any other name"] if stray else []
+        hint = nearest(str(place.path[-1]), keys)
+        return Problem(place.path, f"unknown key{hint}; found {found(place.value)}; {', '.join(here)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         value = place.value.get("type", _ABSENT) if isinstance(place.value, Mapping) else _ABSENT
         names = tags(place.members, "type")
@@ -189,6 +191,7 @@ class _Place:
     value: Any
     field: FieldInfo | None
     owner: type[BaseModel] | None
+    annotation: Any
     members: tuple[type[BaseModel], ...]
 
     @staticmethod
@@ -201,9 +204,9 @@ class _Place:
         for part in location:
             annotation, members = _bare(annotation)
             if isinstance(part, int):
-                if not isinstance(raw, list | tuple):
-                    break  # one number stood for three
-                raw = raw[part] if part < len(raw) else _ABSENT
+                if not isinstance(raw, list | tuple) or part >= len(raw):
+                    break  # one number stood for three, or the list is too short
+                raw = raw[part]
                 annotation = _item(annotation)
             elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
                 owner = annotation
@@ -218,7 +221,7 @@ class _Place:
             else:
                 continue
             path.append(part)
-        return _Place(tuple(path), raw, field, owner, _bare(annotation)[1])
+        return _Place(tuple(path), raw, field, owner, *_bare(annotation))
 
 
 def _bare(annotation: Any) -> tuple[Any, tuple[type[BaseModel], ...]]:

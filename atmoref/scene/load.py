@@ -115,6 +115,6 @@ def _read(path: Path) -> str:
 
 def _near(name: str) -> str:
     names = bundled_names()
-    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f" did you mean {' or '.join(close)}?" if close else ""
+    close = difflib.get_close_matches(name, names, n=6, cutoff=0.5)
+    hint = f" did you mean {' or '.join(sorted(close))}?" if close else ""
     return f"{hint} bundled scenes: {', '.join(names)}"
