@@ -378,7 +378,7 @@ def encode(form: Any, rule: Any, x: Any) -> Any:
 
 @compiled_only
 def value(form: Any, rule: Any, stored: Any) -> Any:
-    """Return the real that a later read gives: code / top, correctly rounded, or the number itself."""
+    """Return the real that a later read gives: of a unorm code its value on the device, else the number itself."""
 
 
 @overload(encode)
@@ -408,9 +408,11 @@ def _value(form: Any, rule: Any, stored: Any) -> Any:
         return stored * rule.inverse + stored * rule.inverse_rest
 
     def mixed(form: Any, rule: Any, stored: Any) -> Any:
-        if rule.unorm:
+        if not rule.unorm:
+            return stored
+        if divides:
             return stored / rule.stored_top
-        return stored
+        return stored * rule.inverse + stored * rule.inverse_rest
 
     return unorm if is_tag(form, Unorm) else mixed
 

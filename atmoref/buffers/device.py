@@ -14,8 +14,10 @@ ideal
     hardware does, on which Dobashi et al. 2002 drew), products of codes are the correctly rounded real product, exact
     filter weights.
 gl_llvmpipe
-    Mesa 22.3.6 llvmpipe as measured, bit for bit. unorm10 goes through 16 bits (rounded to 16, cut to 10). Formats
-    outside `Device.measured` fall back on the rules of `ideal` and are no statement about Mesa.
+    Mesa 22.3.6 llvmpipe as measured, bit for bit. unorm10 goes through 16 bits (rounded to 16, cut to 10); float16 and
+    r11g11b10f are cut toward zero; a unorm code is read as code * float32(1 / top). Formats outside `Device.measured`
+    fall back on the rules of `ideal` and are no statement about Mesa, which has neither of them by itself: unorm12 is
+    kept in 16 bits there, unorm2 is only the alpha of unorm10.
 geforce3, geforce_fx
     ASSUMED, from general knowledge of fixed-point blenders of the time; nothing was measured and no claim rests on
     them. Both filter 8-bit textures with 8 bits. geforce3 cuts products and stores (truncation), its 9-bit register
@@ -29,12 +31,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
 
+import numpy as np
+
 if TYPE_CHECKING:
     from atmoref.buffers.formats import Format
 
 Rounding = Literal["nearest_even", "half_up", "truncate"]
 Product = Literal["rounded", "two_step"]
 Filter = Literal["exact", "fused", "bytes"]
+Decode = Literal["divided", "multiplied"]
 ROUNDINGS: Final[tuple[str, ...]] = get_args(Rounding)
 FILTERS: Final[tuple[str, ...]] = get_args(Filter)
 
@@ -60,6 +65,9 @@ class Device:
     product
         Codes a, b of n bits: `rounded` is a b / top by the device's rounding; `two_step` is Mesa's
         (t + (t >> n) + half) >> n of t = a b, which differs from the nearest code in 24 of 65536 pairs of 8 bits.
+    decode
+        Value of a unorm code in float32: `divided` is code / top, correctly rounded; `multiplied` is the code times the
+        rounded 1 / top, 1 ulp off for half of all codes of 8 bits. In float64 always code / top.
     through_16_bits
         Formats that are blended and rounded as 16-bit codes, then cut.
     bytes_filter
@@ -80,6 +88,7 @@ class Device:
     float_rounding: Rounding = "nearest_even"
     quantise_first: bool = True
     product: Product = "rounded"
+    decode: Decode = "divided"
     through_16_bits: frozenset[str] = frozenset()
     bytes_filter: Filter = "exact"
     filter: Filter = "exact"
@@ -102,10 +111,11 @@ _PRESETS = (
         rounding_is_open=False,
         float_rounding="truncate",
         product="two_step",
+        decode="multiplied",
         through_16_bits=frozenset({"unorm10"}),
         bytes_filter="bytes",
         filter="fused",
-        measured=frozenset({"unorm8", "unorm10", "unorm16", "float16", "r11g11b10f", "float32"}),
+        measured=frozenset({"unorm8", "unorm10", "unorm16", "depth24", "float16", "r11g11b10f", "float32"}),
     ),
     Device("geforce3", rounding="truncate", bytes_filter="bytes", assumed=True),
     Device("geforce_fx", rounding="half_up", bytes_filter="bytes", assumed=True),
@@ -129,7 +139,7 @@ class Rule(NamedTuple):
     before: int  # a product of codes: t = a b + before, (t + (t >> bits) + after) >> bits
     after: int
     stored_top: float  # greatest stored code
-    inverse: float  # 1 / stored_top = inverse + inverse_rest; code * inverse is exact in float32
+    inverse: float  # the value of a code in float32 is code * inverse + code * inverse_rest
     inverse_rest: float
     narrow: float  # stored = floor(working * narrow); working = stored / narrow + floor(stored * carry)
     carry: float
@@ -140,12 +150,15 @@ class Rule(NamedTuple):
     least: float  # lower clamp: 0 for unsigned formats
 
 
-def split_inverse(top: int, bits: int) -> tuple[float, float]:
-    """Return (a, b) with a + b = 1 / top, a short enough that code * a is exact in float32.
+def decode_factors(fmt: Format, device: Device) -> tuple[float, float]:
+    """Return (a, b): the value of a unorm code in float32 is code * a + code * b.
 
-    For every code of 2 ... 16 bits float32(code * a) + float32(code * b) is then the correctly rounded code / top
-    (tests enumerate them); one product code * float32(1 / top) is wrong for 126 of 256 codes of 8 bits.
+    `divided`: a + b = 1 / top with a short enough that code * a is exact. The sum then is code / top correctly rounded
+    for every code of 2 ... 16 bits (tests enumerate them), and within 1 ulp for depth24. `multiplied`: b = 0.
     """
+    bits, top = fmt.bits, fmt.top
+    if device.decode == "multiplied" and fmt.name in device.measured:
+        return float(np.float32(1.0 / top)), 0.0
     short = max(24 - bits, 1)
     scale = 2.0 ** (bits + short - 1)
     a = float(int(scale / top)) / scale
@@ -163,7 +176,7 @@ def _unorm_rule(fmt: Format, device: Device, rounding: Rounding) -> Rule:
         before, after = 0, 1
     else:  # a b / top is never a tie, top being odd: nearest even and half up agree
         before, after = half, 0
-    inverse, rest = split_inverse(top, bits)
+    inverse, rest = decode_factors(fmt, device)
     return Rule(
         unorm=True,
         even=rounding == "nearest_even",

@@ -12,9 +12,9 @@ from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from atmoref.buffers.device import Device, Rounding, Rule, rule
+from atmoref.buffers.device import Device, Rounding, Rule, decode_factors, rule
 
 Arithmetic = Literal["float32", "float64"]
 
@@ -160,6 +160,19 @@ def decode(codes: ArrayLike, fmt: Format) -> NDArray[np.float64]:
             raise ValueError(f"{fmt.name} is decoded from integer codes, not from {c.dtype}")
         return np.asarray(c.astype(np.float64) / fmt.top)
     return c.astype(np.float64)
+
+
+def decode_as(codes: ArrayLike, fmt: Format, device: Device, dtype: DTypeLike) -> NDArray[Any]:
+    """Return the values that a kernel of float32 or float64 arithmetic reads on a device, in that type.
+
+    The bits are those of the lane function `blend.value`. Error: none for `ideal` up to 16 bits (correctly rounded),
+    else up to 1 ulp in float32.
+    """
+    if fmt.kind == "unorm" and np.dtype(dtype) == np.float32:
+        a, b = (np.float32(f) for f in decode_factors(fmt, device))
+        c = np.asarray(codes).astype(np.float32)
+        return np.asarray(c * a + c * b)
+    return decode(codes, fmt).astype(dtype)
 
 
 def named(name: str) -> Format:

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from atmoref._jit import device
-from atmoref.buffers.device import Device, Filter, split_inverse
-from atmoref.buffers.formats import Format, decode, encode
+from atmoref.buffers.device import Device, Filter, decode_factors
+from atmoref.buffers.formats import Format, decode_as, encode
 from atmoref.lanes import (
     F32,
     compiled_only,
@@ -47,7 +47,6 @@ EXACT: Final = 0
 FUSED: Final = 1
 BYTES: Final = 2
 MODES: Final = {"exact": EXACT, "fused": FUSED, "bytes": BYTES}
-INVERSE, REST = split_inverse(255, 8)
 EVEN = np.int32(0x00FF00FF)
 
 
@@ -65,6 +64,8 @@ class Texture(NamedTuple):
     mode: int  # EXACT, FUSED, BYTES
     pcf: bool  # a shadow compare filters four results
     clamp_reference: bool  # it clamps its reference to [0, 1]
+    inverse: float  # value of a code that the filter `bytes` returns: code * inverse + code * inverse_rest
+    inverse_rest: float
 
 
 def _channels_first(values: ArrayLike, volume: bool) -> NDArray[Any]:
@@ -150,10 +151,13 @@ def texture(
         packed = np.zeros(plane, np.uint32)
         for c in range(channels):
             packed |= codes[c].ravel().astype(np.uint32) << np.uint32(8 * c)
-    data = np.ascontiguousarray(decode(codes, fmt).astype(real).ravel())
+    data = np.ascontiguousarray(decode_as(codes, fmt, device, real).ravel())
     clamps = device.clamp_shadow_reference and fmt.kind == "unorm"
     mode = MODES[chosen]
-    return Texture(data, packed.view(np.int32), width, height, depth, row, slab, plane, mode, compare == "pcf", clamps)
+    factors = decode_factors(fmt, device) if fmt.kind == "unorm" else (1.0, 0.0)
+    return Texture(
+        data, packed.view(np.int32), width, height, depth, row, slab, plane, mode, compare == "pcf", clamps, *factors
+    )
 
 
 # ---- coordinates
@@ -195,15 +199,15 @@ def byte_axis(u, size):
 
 
 @compiled_only
-def byte_value(x: Any) -> Any:
-    """Return code / 255, correctly rounded, of codes as reals."""
+def byte_value(tex: Any, x: Any) -> Any:
+    """Return the values of codes of 8 bits, given as reals."""
 
 
 @overload(byte_value)
-def _byte_value(x: Any) -> Any:
+def _byte_value(tex: Any, x: Any) -> Any:
     if x == F32:
-        return lambda x: x * INVERSE + x * REST
-    return lambda x: x / 255.0
+        return lambda tex, x: x * tex.inverse + x * tex.inverse_rest
+    return lambda tex, x: x / 255.0
 
 
 # ---- filters
@@ -237,7 +241,7 @@ def bilinear(arith, tex, channel, u, v):
     if tex.mode == BYTES:
         (x, wx), (y, wy) = byte_axis(u, tex.width), byte_axis(v, tex.height)
         code = byte_quad(tex, y * tex.row + x + (tex.row + 1), 8 * channel, wx, wy)
-        return byte_value(lift(arith, code & 255))
+        return byte_value(tex, lift(arith, code & 255))
     index, wx, wy = footprint(tex, u, v)
     return quad(arith, tex, index + channel * tex.plane, wx, wy)
 
@@ -250,9 +254,9 @@ def bilinear3(arith, tex, u, v):
         index = y * tex.row + x + (tex.row + 1)
         rb, g = byte_quad(tex, index, 0, wx, wy), byte_quad(tex, index, 8, wx, wy)
         return (
-            byte_value(lift(arith, rb & 255)),
-            byte_value(lift(arith, g & 255)),
-            byte_value(lift(arith, rb >> 16)),
+            byte_value(tex, lift(arith, rb & 255)),
+            byte_value(tex, lift(arith, g & 255)),
+            byte_value(tex, lift(arith, rb >> 16)),
         )
     index, wx, wy = footprint(tex, u, v)
     return (
@@ -270,7 +274,7 @@ def trilinear(arith, tex, channel, u, v, w):
         index = z * tex.slab + y * tex.row + x + (tex.slab + tex.row + 1)
         near = byte_quad(tex, index, 8 * channel, wx, wy)
         code = lerp_bytes(near, byte_quad(tex, index + tex.slab, 8 * channel, wx, wy), wz)
-        return byte_value(lift(arith, code & 255))
+        return byte_value(tex, lift(arith, code & 255))
     index, wx, wy = footprint(tex, u, v)
     z = w * tex.depth - 0.5
     fz = floor(z)
