@@ -117,7 +117,8 @@ def _beyond_bounds(bounds: Bounds, test: Frame) -> NDArray[np.float64]:
             low.codes,
             high.codes,
         )  # whole numbers: equal codes are equal, whatever the top
-    return np.maximum(lowest[..., order] - here, here - highest[..., order]).astype(np.float64)
+    beyond: NDArray[np.float64] = np.maximum(lowest[..., order] - here, here - highest[..., order]).astype(np.float64)
+    return beyond
 
 
 def _told(frame: Frame) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import json
 import math
+import re
 import zipfile
 import zlib
 from pathlib import Path
@@ -17,6 +19,8 @@ from numpy.typing import NDArray
 from atmoref.images.image import Image, ImageError, check_size, from_rgb
 
 ATTRIBUTES = "__attributes__"
+_NUMBERS = re.compile(r"^[<>|=]?[biuf]\d{1,2}$")
+_LONGEST_HEADER = 10_000
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
@@ -82,19 +86,36 @@ def _attributes(text: bytes) -> dict[str, str | float | int]:
     return found
 
 
+def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order and type of an NPY stream; its header is the text of a Python literal, read as no more.
+
+    NumPy's own reader repairs headers of Python 2 with a tokenizer that raises errors of many kinds on damaged text.
+    """
+    version = npy_format.read_magic(stream)
+    if version not in ((1, 0), (2, 0), (3, 0)):
+        raise ValueError(f"version {version} of the format is not known")
+    size = 2 if version == (1, 0) else 4
+    length = int.from_bytes(stream.read(size), "little")
+    if length > _LONGEST_HEADER:
+        raise ValueError(f"a header of {length} bytes")
+    fields = ast.literal_eval(stream.read(length).decode("utf-8" if version == (3, 0) else "latin-1").strip())
+    if not isinstance(fields, dict) or set(fields) != {"descr", "fortran_order", "shape"}:
+        raise ValueError("its fields are not descr, fortran_order and shape")
+    shape, fortran, kind = fields["shape"], fields["fortran_order"], fields["descr"]
+    if not (isinstance(shape, tuple) and all(type(one) is int for one in shape) and isinstance(fortran, bool)):
+        raise ValueError("its shape or order is of the wrong type")
+    if not isinstance(kind, str) or not _NUMBERS.match(kind):
+        raise ValueError(f"elements of type {kind!r}, records and objects among them, are not read")
+    return shape, fortran, np.dtype(kind)
+
+
 def _read_array(path: Path, stream: IO[bytes], size: int, name: str, max_bytes: int) -> NDArray[Any]:
     """Read one array from a stream of `size` bytes, after its header and size have been found sound."""
     try:
-        version = npy_format.read_magic(stream)
-        if version not in ((1, 0), (2, 0)):
-            raise ValueError(f"version {version} of the format is not known")
-        read_header = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
-        shape, fortran, dtype = read_header(stream)
-    except (ValueError, EOFError, SyntaxError, TypeError, RecursionError, MemoryError) as error:
+        shape, fortran, dtype = _header(stream)
+    except (ValueError, EOFError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError) as error:
         problem = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ImageError.of(path, f"{name} is truncated or has a wrong NPY header ({problem})") from error
-    if dtype.hasobject or dtype.kind not in "biuf":
-        raise ImageError.of(path, f"{name} holds {dtype} elements, which are not read")
     if not 1 <= len(shape) <= 3 or any(length < 0 for length in shape):
         raise ImageError.of(path, f"{name} has shape {shape}, expected a plane or an image")
     rest = math.prod(shape[2:]) * dtype.itemsize
