@@ -71,7 +71,8 @@ def test_flip_of_black_against_white_is_near_its_maximum() -> None:
 @pytest.mark.parametrize("black_rows", [12, 16])
 def test_black_references_do_not_end_the_process(black_rows: int) -> None:
     code = (
-        "import numpy as np; from atmoref.compare import compare; test = np.full((16, 16), 2.0); reference = test * 1.5;"
+        "import numpy as np; from atmoref.compare import compare;"
+        "test = np.full((16, 16), 2.0); reference = test * 1.5;"
         f"reference[:{black_rows}] = 0;"
         "print('alive', compare(test, reference, allow_blank=True, perceptual_metrics='all').notes)"
     )
