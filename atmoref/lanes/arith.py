@@ -27,7 +27,7 @@ class Double(NamedTuple):
 
 def is_tag(value: Any, tag: type) -> bool:
     """Tell whether a Numba type stands for a tag; compare types, never values (empty tuples are all equal)."""
-    return isinstance(value, types.BaseNamedTuple) and value.instance_class is tag
+    return isinstance(value, types.BaseNamedTuple) and getattr(value, "instance_class", None) is tag
 
 
 # ---- sources
