@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 import types
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -117,18 +118,27 @@ def key_names(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
+def _number(value: Any) -> str:
+    """Return a limit as one writes it: 16384, 0.01, 1e9."""
+    if not isinstance(value, int | float):
+        return str(value)
+    short = re.sub(r"e([+-])0*", r"e\1", f"{value:.2e}" if abs(value) >= 1e6 else f"{value:.10g}")
+    short = re.sub(r"\.?0*e\+?", "e", short)
+    return short if float(short) == value else repr(value)
+
+
 def _limits(metadata: Iterable[Any]) -> str:
     words = {
-        "gt": "> {:.10g}",
-        "ge": ">= {:.10g}",
-        "lt": "< {:.10g}",
-        "le": "<= {:.10g}",
+        "gt": "> {}",
+        "ge": ">= {}",
+        "lt": "< {}",
+        "le": "<= {}",
         "min_length": "at least {} of them",
         "max_length": "at most {} of them",
         "pattern": "matching {}",
     }
     parts = [
-        text.format(getattr(mark, name))
+        text.format(_number(getattr(mark, name)))
         for mark in metadata
         for name, text in words.items()
         if getattr(mark, name, None) is not None

@@ -204,8 +204,8 @@ class _Place:
         for part in location:
             annotation, members = _bare(annotation)
             if isinstance(part, int):
-                if not isinstance(raw, list | tuple) or part >= len(raw):
-                    break  # one number stood for three, or the list is too short
+                if not isinstance(raw, list | tuple) or part >= len(raw) or _is_vector(annotation):
+                    break  # one number stood for three, or the list is a short one, better shown whole
                 raw = raw[part]
                 annotation = _item(annotation)
             elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
@@ -234,6 +234,10 @@ def _bare(annotation: Any) -> tuple[Any, tuple[type[BaseModel], ...]]:
             return members[0], ()
         return annotation, tuple(m for m in members if isinstance(m, type) and issubclass(m, BaseModel))
     return annotation, ()
+
+
+def _is_vector(annotation: Any) -> bool:
+    return get_origin(annotation) is tuple and Ellipsis not in get_args(annotation)
 
 
 def _item(annotation: Any) -> Any:

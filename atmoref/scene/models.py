@@ -157,9 +157,14 @@ class Technique(Table):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Any] = Field(init=False)
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)] | None = quantity(
-        "", "Name of the technique (atmoref techniques lists them), or truth.", None
-    )
+    name: (
+        Annotated[
+            str,
+            Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64),
+            Allowed('text of lower-case letters, digits and underscores, e.g. "beams"'),
+        ]
+        | None
+    ) = quantity("", "Name of the technique (atmoref techniques lists them), or truth.", None)
     preset: Literal["paper", "corrected", "analysis"] = quantity(
         "", "Where the parameters that are not given come from.", "corrected"
     )
