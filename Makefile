@@ -61,8 +61,8 @@ test: lint
 	$(BIN)/python -m pytest -W error -m 'not slow' -n $(JOBS) --dist loadfile -q
 
 docs: $(DEVELOP)
-	$(BIN)/python validation/check_links.py README.md CHANGELOG.md docs luts
-	$(BIN)/python -m pytest -W error -q --doctest-glob='*.md' README.md docs
+	$(BIN)/python validation/check_links.py README.md CHANGELOG.md luts $(wildcard docs)
+	$(BIN)/python -m pytest -W error -q --doctest-glob='*.md' README.md $(wildcard docs)
 
 validate: $(DEVELOP) docs
 	$(BIN)/python -m pytest -W error -m slow -q
