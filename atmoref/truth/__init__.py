@@ -42,7 +42,7 @@ def solve(
     rtol
         Relative error to reach; with Monte Carlo a pixel stops early if its standard error is below it.
     samples
-        Monte Carlo: samples per pixel and light, a multiple of 16.
+        Monte Carlo: samples per pixel and light, a multiple of 16, at least 64.
     seed
         Monte Carlo: another number, another independent estimate.
     crop

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.scene.result import Result
+from atmoref.truth.beams_monte_carlo import BATCH, monte_carlo
 from atmoref.truth.beams_quadrature import quadrature
 from atmoref.truth.beams_question import ask
 from atmoref.truth.rows import Crop, Progress, make_crop
@@ -42,7 +43,9 @@ def solve_beams(
         out = quadrature(q, (height, width), part, rtol=rtol, threads=threads, progress=progress)
         stats = _quadrature_stats(out, rtol)
     else:
-        raise ValueError(method)
+        size = (height, width)
+        out = monte_carlo(q, size, part, samples=samples, seed=seed, rtol=rtol, threads=threads, progress=progress)
+        stats = _monte_carlo_stats(out, len(q.light_peak))
     stats["seconds"] = time.perf_counter() - wall
     stats["cpu_seconds"] = time.process_time() - cpu
     return Result(
@@ -66,6 +69,16 @@ def _quadrature_stats(out: dict[str, NDArray[Any]], rtol: float) -> dict[str, An
         "worst_relative_error": float(relative.max(initial=0.0)),
         "values_over_rtol": int((relative > rtol + 1e-13).sum()),
         "infinite_values": int(np.isinf(image).sum()),
+    }
+
+
+def _monte_carlo_stats(out: dict[str, NDArray[Any]], lights: int) -> dict[str, Any]:
+    image, error = out["image"], out["error"]
+    relative = np.divide(error, image, out=np.zeros_like(image), where=image > 0.0)
+    return {
+        "samples": int(out["counters"].sum()) * BATCH * lights,
+        "worst_relative_error": float(relative.max(initial=0.0)),
+        "mean_standard_error": float(error.mean()),
     }
 
 

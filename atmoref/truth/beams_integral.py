@@ -38,6 +38,8 @@ _MAX_DEPTH = 60
 _CHOP = 32.0  # no first panel spans more than this ratio of theta
 _NEGLIGIBLE = 80.0  # optical depth: exp(-80) = 2e-35
 _FLOOR = 1e-300  # absolute: below this nothing is refined
+_ULP = 2.220446049250313e-16
+_ULPS = 2.0  # of rounding in one value of the integrand, apart from what its conditioning makes of it
 
 
 class Settings(NamedTuple):
@@ -57,7 +59,8 @@ class Panels(NamedTuple):
     span: np.ndarray  # (n, 3) a, b, sign of u
     kind: np.ndarray  # (n,)
     value: np.ndarray  # (n, 3)
-    error: np.ndarray  # (n, 3)
+    error: np.ndarray  # (n, 3) difference of the two rules
+    noise: np.ndarray  # (n, 3) rounding
     stack: np.ndarray  # (_STACK, 3) a, b, share of the tolerance
 
 
@@ -72,6 +75,7 @@ def workspace(capacity: int, first_split: int) -> Panels:
         kind=np.zeros(n, np.int64),
         value=np.zeros((n, 3)),
         error=np.zeros((n, 3)),
+        noise=np.zeros((n, 3)),
         stack=np.zeros((_STACK, 3)),
     )
 
@@ -92,6 +96,7 @@ class _Ray(NamedTuple):
     outer: float
     kind: int
     g: float
+    phase_noise: float  # relative rounding of the phase function
 
 
 @device
@@ -113,6 +118,7 @@ def _ray_constants(q, line, which):
         outer,
         q.phase_kind,
         q.phase_g,
+        _ULPS * _ULP * (1.0 + abs(q.phase_g) / (1.0 - abs(q.phase_g)) ** 2),
     )
 
 
@@ -128,7 +134,11 @@ def light_distribution(falloff, cosine, sine, cos_inner, cos_outer, inner, outer
 
 @device
 def _share_at(r, sx, cx):
-    """Return I_l / peak in the falloff zone; ``cx`` carries the sign of u."""
+    """Return I_l / peak in the falloff zone and its rounding error; ``cx`` carries the sign of u.
+
+    The error counts that the ray's place is known to rounding at the eye's distance: it decides where a ray only
+    grazes the cone and I_l is next to nothing.
+    """
     cosine = r.a_e * sx + r.a_d * cx
     sine = 0.0
     if r.falloff == LINEAR_ANGLE:
@@ -136,15 +146,21 @@ def _share_at(r, sx, cx):
         y = r.cross_e[1] * sx + r.cross_d[1] * cx
         z = r.cross_e[2] * sx + r.cross_d[2] * cx
         sine = math.sqrt(x * x + y * y + z * z)
-    return light_distribution(r.falloff, cosine, sine, r.cos_inner, r.cos_outer, r.inner, r.outer)
+    share = light_distribution(r.falloff, cosine, sine, r.cos_inner, r.cos_outer, r.inner, r.outer)
+    lost = _ULPS * _ULP * (1.0 + (abs(r.foot) * sx / r.v if r.v > 0.0 else 0.0))
+    if r.falloff == LINEAR_ANGLE:
+        return share, lost / (r.outer - r.inner)
+    x = min(max((cosine - r.cos_outer) / (r.cos_inner - r.cos_outer), 0.0), 1.0) + lost
+    return share, lost * 6.0 * x / (r.cos_inner - r.cos_outer)
 
 
 @device
-def _panel(q, r, rule, a, b, sign, kind, value, error):
-    """Integrate one panel [a, b] of theta (of 1/|u| where v = 0): set value and error (per extinction)."""
-    groups = q.group_extinction.shape[0]
+def _panel(q, r, rule, a, b, sign, kind, value, error, noise):
+    """Integrate one panel [a, b] of theta (of 1/|u| where v = 0): set value, error, noise (3,) per extinction."""
     k0 = k1 = k2 = 0.0
     c0 = c1 = c2 = 0.0
+    n0 = n1 = n2 = 0.0
+    groups = q.group_extinction.shape[0]
     middle = 0.5 * (a + b)
     half = 0.5 * (b - a)
     for i in range(rule.nodes.shape[0]):
@@ -158,24 +174,34 @@ def _panel(q, r, rule, a, b, sign, kind, value, error):
             cx = 1.0
             path = 2.0 / x if sign > 0.0 else 0.0
         f = phase(r.kind, r.g, -sign * cx)
+        rounding = f * r.phase_noise
         if kind == EDGE:
-            f *= _share_at(r, sx, sign * cx)
+            share, lost = _share_at(r, sx, sign * cx)
+            rounding = rounding * share + f * lost
+            f *= share
         path += r.foot
         fine = rule.fine[i]
         coarse = rule.coarse[i]
-        y = f * math.exp(-q.group_extinction[0] * path)
-        k0 += fine * y
-        c0 += coarse * y
+        tau = q.group_extinction[0] * path
+        dim = math.exp(-tau)
+        k0 += fine * f * dim
+        c0 += coarse * f * dim
+        n0 += fine * dim * (rounding + f * _ULP * tau)
         if groups > 1:
-            y = f * math.exp(-q.group_extinction[1] * path)
-            k1 += fine * y
-            c1 += coarse * y
+            tau = q.group_extinction[1] * path
+            dim = math.exp(-tau)
+            k1 += fine * f * dim
+            c1 += coarse * f * dim
+            n1 += fine * dim * (rounding + f * _ULP * tau)
         if groups > 2:
-            y = f * math.exp(-q.group_extinction[2] * path)
-            k2 += fine * y
-            c2 += coarse * y
+            tau = q.group_extinction[2] * path
+            dim = math.exp(-tau)
+            k2 += fine * f * dim
+            c2 += coarse * f * dim
+            n2 += fine * dim * (rounding + f * _ULP * tau)
     value[0], value[1], value[2] = half * k0, half * k1, half * k2
     error[0], error[1], error[2] = half * abs(k0 - c0), half * abs(k1 - c1), half * abs(k2 - c2)
+    noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
 
 
 @device
@@ -232,20 +258,21 @@ def _good(value, error, allowance, rtol, groups):
 
 
 @device
-def _refine(q, r, rule, settings, work, p, whole, value, error, allowance):
-    """Divide panel ``p`` until it is good; replace its value and error; return the panels computed."""
+def _refine(q, r, rule, settings, work, p, whole, value, error, allowance, noise):
+    """Divide panel ``p`` until it is good; replace its value, error and noise; return the panels computed."""
     groups = q.group_extinction.shape[0]
     sign = work.span[p, 2]
     kind = work.kind[p]
     work.stack[0, 0], work.stack[0, 1], work.stack[0, 2] = work.span[p, 0], work.span[p, 1], 1.0
     work.value[p, :] = 0.0
     work.error[p, :] = 0.0
+    work.noise[p, :] = 0.0
     height = 1
     computed = 0
     while height > 0:
         height -= 1
         a, b, share = work.stack[height, 0], work.stack[height, 1], work.stack[height, 2]
-        _panel(q, r, rule, a, b, sign, kind, value, error)
+        _panel(q, r, rule, a, b, sign, kind, value, error, noise)
         computed += 1
         for i in range(groups):
             allowance[i] = share * whole[i]
@@ -255,6 +282,7 @@ def _refine(q, r, rule, settings, work, p, whole, value, error, allowance):
             for i in range(groups):
                 work.value[p, i] += value[i]
                 work.error[p, i] += error[i]
+                work.noise[p, i] += noise[i]
             continue
         work.stack[height, 0], work.stack[height, 1], work.stack[height, 2] = a, middle, 0.5 * share
         work.stack[height + 1, 0], work.stack[height + 1, 1], work.stack[height + 1, 2] = middle, b, 0.5 * share
@@ -301,14 +329,14 @@ def integrate_pieces(q, line, which, pieces, rule, settings, work, value, error,
     whole[:] = 0.0
     for p in range(n):
         a, b, sign = work.span[p, 0], work.span[p, 1], work.span[p, 2]
-        _panel(q, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p])
+        _panel(q, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p], work.noise[p])
         for i in range(groups):
             whole[i] += work.value[p, i] / n
     computed = n
     if settings.adaptive:
         for p in range(n):
             if not _good(work.value[p], work.error[p], whole, settings.rtol, groups):
-                computed += _refine(q, r, rule, settings, work, p, whole, value, error, scratch[1])
+                computed += _refine(q, r, rule, settings, work, p, whole, value, error, scratch[1], scratch[2])
     _sum(work, n, groups, 1.0 / line.v if line.v > 0.0 else 1.0, value, error)
     return computed
 
@@ -320,6 +348,6 @@ def _sum(work, n, groups, factor, value, error):
         error[i] = 0.0
         for p in range(n):
             value[i] += work.value[p, i]
-            error[i] += work.error[p, i]
+            error[i] += work.error[p, i] + work.noise[p, i]
         value[i] *= factor
         error[i] *= factor

@@ -42,7 +42,7 @@ from atmoref.truth.rows import Crop, Progress, run_rows
 __all__ = ["ROUNDING", "quadrature", "quadrature_along"]
 
 ROUNDING = 4e-15
-"""Relative rounding error of a pixel's integral, added to the quadrature's own estimate (measured 1e-15)."""
+"""Relative rounding error of sums and of the surface term, added to the quadrature's own estimate (measured 1e-15)."""
 
 _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
