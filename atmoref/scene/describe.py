@@ -67,7 +67,7 @@ def _phrase(annotation: Any, metadata: Iterable[Any], unit: str, discriminator: 
     metadata = list(metadata)
     for mark in metadata:
         if isinstance(mark, Allowed):
-            return mark.text + (f" ({unit})" if unit else "")
+            return mark.text + (f" ({unit})" if unit and f"({unit})" not in mark.text else "")
         if isinstance(mark, FieldInfo):
             return _phrase(annotation, [*mark.metadata], unit, mark.discriminator)
     if get_origin(annotation) is Annotated:

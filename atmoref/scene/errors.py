@@ -143,12 +143,13 @@ def _problems(
         collected.setdefault(problem.path, [problem])
         if problem.path and problem.path[-1] == "type":
             wrong_types.add(problem.path[:-1])
+    above = {path[:end] for path in collected for end in range(len(path))}
     return [
         problem
         for path, problems in collected.items()
+        if path not in above
+        if path[-1:] == ("type",) or not any(path[:end] in wrong_types for end in range(len(path)))
         for problem in problems
-        if path[-1:] == ("type",) or not any(path[: len(owner)] == owner for owner in wrong_types)
-        if not any(len(other) > len(path) and other[: len(path)] == path for other in collected)
     ]
 
 

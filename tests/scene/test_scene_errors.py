@@ -1,6 +1,7 @@
 """Wrong scene files: every key wrong in type, range and unit gives one message with file, key path, found, allowed."""
 
 import math
+import time
 from pathlib import Path
 from typing import Any, Literal
 
@@ -303,6 +304,18 @@ def test_a_flood_of_problems_is_cut(tmp_path: Path) -> None:
     assert "1000 problems" in text
     assert "… and 980 more" in text
     assert len(text) < 5000
+
+
+def test_a_file_full_of_problems_is_answered_at_once(tmp_path: Path) -> None:
+    """Linear in the number of problems: a quadratic search takes minutes here."""
+    path = write(tmp_path, base())
+    with path.open("a", encoding="utf-8") as file:
+        file.write("[technique.deep]\n")
+        file.writelines(f"k{index} = nan\n" for index in range(20_000))
+        file.writelines('[[objects]]\ntype="sphere"\nradius_m="x"\n' for _ in range(10_000))
+    start = time.process_time()
+    assert "problems" in message(path)
+    assert time.process_time() - start < 20.0
 
 
 def test_overrides_of_a_bad_kind_name_the_same_key(tmp_path: Path) -> None:

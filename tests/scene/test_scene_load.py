@@ -1,5 +1,6 @@
 """Reading scene files: hostile files, overrides, bundled scenes, digest, import."""
 
+import errno
 import hashlib
 import os
 import subprocess
@@ -155,12 +156,18 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     assert "not a regular file" in message("/dev/zero")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")
-def test_an_unreadable_file(tmp_path: Path) -> None:
+def test_files_that_the_system_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = tmp_path / "loop.toml"
+    loop.symlink_to(loop)
+    assert "cannot be read: " in message(loop)
     path = tmp_path / "secret.toml"
     path.write_text(MINIMAL, encoding="utf-8")
-    path.chmod(0)
-    assert "cannot be read: Permission denied" in message(path)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")  # root may read everything, so chmod shows nothing
+
+    monkeypatch.setattr(Path, "open", refuse)
+    assert "secret.toml: cannot be read: Permission denied" in message(path)
 
 
 @pytest.mark.parametrize(
