@@ -90,21 +90,21 @@ def _quoted_line(message: str, text: str) -> str:
 
 def _read(path: Path) -> str:
     """Return a file's text; refuses what is no regular file or is larger than any scene."""
-    origin = shorten(str(path))
+    origin = str(path) if len(str(path)) < 1024 else shorten(str(path))
     try:
         state = path.stat()
         if stat.S_ISDIR(state.st_mode):
-            raise SceneError(f"{path}: is a directory; allowed: a scene file (.toml) or a bundled name")
+            raise SceneError(f"{origin}: is a directory; allowed: a scene file (.toml) or a bundled name")
         if not stat.S_ISREG(state.st_mode):
-            raise SceneError(f"{path}: is not a regular file; allowed: a scene file (.toml) or a bundled name")
+            raise SceneError(f"{origin}: is not a regular file; allowed: a scene file (.toml) or a bundled name")
         if state.st_size > MAX_BYTES:
-            raise SceneError(f"{path}: found {state.st_size} bytes; allowed: at most {MAX_BYTES} for a scene file")
+            raise SceneError(f"{origin}: found {state.st_size} bytes; allowed: at most {MAX_BYTES} for a scene file")
         with path.open("rb") as file:
             return file.read(MAX_BYTES).decode("utf-8-sig")
     except (FileNotFoundError, NotADirectoryError):
-        raise SceneError(f"{path}: no such file or bundled scene;{_near(path.stem)}") from None
+        raise SceneError(f"{origin}: no such file or bundled scene;{_near(path.stem)}") from None
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not a text file: byte {error.start} is not UTF-8; allowed: a TOML file") from None
+        raise SceneError(f"{origin}: not a text file: byte {error.start} is not UTF-8; allowed: a TOML file") from None
     except OSError as error:
         raise SceneError(f"{origin}: cannot be read: {error.strerror}") from None
     except ValueError as error:
