@@ -1,0 +1,83 @@
+"""Kernels that walk through all float32 values: error against the float64 form, and steps in the wrong direction."""
+
+import numpy as np
+
+from atmoref._jit import device, kernel
+from atmoref.lanes import (
+    Double,
+    N,
+    absolute,
+    exp,
+    exponent,
+    lift,
+    load,
+    log,
+    maximum,
+    power_of_two,
+    select,
+    store,
+)
+
+CHUNK = 1 << 20
+
+
+@device
+def _ulps(single, double):
+    """Return the distance of a float32 from a float64 in float32's units in the last place, 0 outside its range."""
+    size = absolute(double)
+    e = maximum(exponent(maximum(size, 1e-300)), -126)
+    error = absolute(lift(Double(), single) - double) * power_of_two(double, 23 - e)
+    return select(size <= 3.4028234663852886e38, error, 0.0)
+
+
+@kernel
+def worst_exp(values, work):
+    """Return the worst error of exp over values (ascending) and how many neighbours descend."""
+    worst = lift(Double(), 0.0)
+    for i in range(0, values.size, N):
+        x = load(values, i)
+        y = exp(x)
+        store(work, i, y)
+        worst = maximum(_ulps(y, exp(lift(Double(), x))), worst)
+    return _largest(worst), _descents(work)
+
+
+@kernel
+def worst_log(values, work):
+    """Return the worst error of log over values (positive, ascending) and how many neighbours descend."""
+    worst = lift(Double(), 0.0)
+    for i in range(0, values.size, N):
+        x = load(values, i)
+        y = log(x)
+        store(work, i, y)
+        worst = maximum(_ulps(y, log(lift(Double(), x))), worst)
+    return _largest(worst), _descents(work)
+
+
+@device
+def _largest(lane):
+    out = np.empty(N, np.float64)
+    store(out, 0, lane)
+    return out.max()
+
+
+@device
+def _descents(values):
+    count = 0
+    for i in range(1, values.size):
+        count += values[i] < values[i - 1]
+    return count
+
+
+def walk(function, first: float, last: float) -> tuple[float, int]:
+    """Run over all float32 from first to last (of one sign, |first| < |last|)."""
+    bits = [int(np.float32(v).view(np.uint32)) for v in (first, last)]
+    worst, descents = 0.0, 0
+    work = np.empty(CHUNK, np.float32)
+    for start in range(bits[0], bits[1], CHUNK - N):
+        values = np.minimum(np.arange(start, start + CHUNK, dtype=np.int64), bits[1]).astype(np.uint32).view(np.float32)
+        if last < 0:
+            values = values[::-1].copy()
+        error, steps = function(values, work)
+        worst, descents = max(worst, error), descents + steps
+    return worst, descents
