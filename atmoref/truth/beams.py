@@ -45,7 +45,7 @@ def solve_beams(
     else:
         size = (height, width)
         out = monte_carlo(q, size, part, samples=samples, seed=seed, rtol=rtol, threads=threads, progress=progress)
-        stats = _monte_carlo_stats(out, len(q.light_peak))
+        stats = _monte_carlo_stats(out, len(q.lights))
     stats["seconds"] = time.perf_counter() - wall
     stats["cpu_seconds"] = time.process_time() - cpu
     return Result(
@@ -61,7 +61,7 @@ def _quadrature_stats(out: dict[str, NDArray[Any]], rtol: float) -> dict[str, An
     image, error = out["image"], out["error"]
     finite = np.isfinite(image) & (image > 0.0)
     relative = np.divide(error, image, out=np.zeros_like(image), where=finite)
-    panels, pieces, rays = (int(n) for n in out["counters"].sum(axis=0))
+    panels, pieces, rays = (int(n) for n in out["counters"].sum(axis=(0, 1)))
     return {
         "panels": panels,
         "lit_pieces": pieces,

@@ -37,9 +37,9 @@ _TOUCH = 1e-12  # relative: a segment that only grazes, starts or ends on a surf
 
 
 @device
-def row(array, i):
-    """Return row ``i`` of an (n, 3) array as a point."""
-    return array[i, 0], array[i, 1], array[i, 2]
+def row(table, i, column=0):
+    """Return three neighbours of row ``i`` of a table as a point."""
+    return table[i, column], table[i, column + 1], table[i, column + 2]
 
 
 @device
@@ -108,24 +108,24 @@ def _box_span(start, d, low, high):
 
 
 @device
-def nearest_hit(q, start, d):
+def nearest_hit(objects, start, d):
     """Return (T, kind, index) of the first surface along a ray with unit direction; T is infinite for none."""
     best = math.inf
     kind = NOTHING
     index = -1
-    for i in range(q.sphere_radius.shape[0]):
-        t = _sphere_distance(start, d, row(q.sphere_center, i), q.sphere_radius[i])
+    for i in range(objects.spheres.shape[0]):
+        t = _sphere_distance(start, d, row(objects.spheres, i), objects.spheres[i, 3])
         if t < best:
             best, kind, index = t, SPHERE, i
-    for i in range(q.box_min.shape[0]):
-        enter, leave = _box_span(start, d, row(q.box_min, i), row(q.box_max, i))
+    for i in range(objects.boxes.shape[0]):
+        enter, leave = _box_span(start, d, row(objects.boxes, i), row(objects.boxes, i, 3))
         if enter < leave and leave > 0.0:
             t = enter if enter > 0.0 else leave
             if t < best:
                 best, kind, index = t, BOX, i
-    for i in range(q.ground_height.shape[0]):
+    for i in range(objects.grounds.shape[0]):
         if d[1] != 0.0:
-            t = (q.ground_height[i] - start[1]) / d[1]
+            t = (objects.grounds[i, 0] - start[1]) / d[1]
             if 0.0 < t < best:
                 best, kind, index = t, GROUND, i
     return best, kind, index
@@ -150,14 +150,14 @@ def _box_normal(p, low, high):
 
 
 @device
-def normal_and_albedo(q, p, kind, index, d):
+def normal_and_albedo(objects, p, kind, index, d):
     """Return the outward unit normal (of the ground: towards the eye) and the albedo of the surface at ``p``."""
     if kind == SPHERE:
-        n = subtract(p, row(q.sphere_center, index))
-        return scaled(n, 1.0 / math.sqrt(dot(n, n))), row(q.sphere_albedo, index)
+        n = subtract(p, row(objects.spheres, index))
+        return scaled(n, 1.0 / math.sqrt(dot(n, n))), row(objects.spheres, index, 4)
     if kind == BOX:
-        return _box_normal(p, row(q.box_min, index), row(q.box_max, index)), row(q.box_albedo, index)
-    return (0.0, -math.copysign(1.0, d[1]), 0.0), row(q.ground_albedo, index)
+        return _box_normal(p, row(objects.boxes, index), row(objects.boxes, index, 3)), row(objects.boxes, index, 6)
+    return (0.0, -math.copysign(1.0, d[1]), 0.0), row(objects.grounds, index, 1)
 
 
 @device
@@ -171,19 +171,19 @@ def _sphere_blocks(light, w, center, radius):
 
 
 @device
-def sees(q, light, p, skip_kind, skip_index):
+def sees(objects, light, p, skip_kind, skip_index):
     """Tell whether the light (a point) sees ``p``: the open segment meets no object, leaving out the one named."""
     w = subtract(p, light)
-    for i in range(q.ground_height.shape[0]):
-        side = (light[1] - q.ground_height[i]) * (p[1] - q.ground_height[i])
+    for i in range(objects.grounds.shape[0]):
+        side = (light[1] - objects.grounds[i, 0]) * (p[1] - objects.grounds[i, 0])
         if side < 0.0 and not (skip_kind == GROUND and skip_index == i):
             return False
-    for i in range(q.sphere_radius.shape[0]):
-        blocked = _sphere_blocks(light, w, row(q.sphere_center, i), q.sphere_radius[i])
+    for i in range(objects.spheres.shape[0]):
+        blocked = _sphere_blocks(light, w, row(objects.spheres, i), objects.spheres[i, 3])
         if blocked and not (skip_kind == SPHERE and skip_index == i):
             return False
-    for i in range(q.box_min.shape[0]):
-        enter, leave = _box_span(light, w, row(q.box_min, i), row(q.box_max, i))
+    for i in range(objects.boxes.shape[0]):
+        enter, leave = _box_span(light, w, row(objects.boxes, i), row(objects.boxes, i, 3))
         blocked = max(enter, 0.0) + _TOUCH < min(leave, 1.0)
         if blocked and not (skip_kind == BOX and skip_index == i):
             return False

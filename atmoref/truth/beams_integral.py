@@ -26,7 +26,7 @@ import numpy as np
 
 from atmoref._jit import device
 from atmoref.optics.phase_functions import phase
-from atmoref.truth.beams_geometry import cross, dot, row
+from atmoref.truth.beams_geometry import cross, dot
 from atmoref.truth.beams_pieces import EDGE
 from atmoref.truth.beams_question import LINEAR_ANGLE
 
@@ -100,10 +100,8 @@ class _Ray(NamedTuple):
 
 
 @device
-def _ray_constants(q, line, which):
-    axis = row(q.light_axis, which)
-    inner = q.light_inner_rad[which]
-    outer = q.light_outer_rad[which]
+def _ray_constants(medium, light, line):
+    axis = light.axis
     return _Ray(
         line.v,
         line.foot,
@@ -111,14 +109,14 @@ def _ray_constants(q, line, which):
         dot(line.d, axis),
         cross(line.e, axis),
         cross(line.d, axis),
-        q.light_falloff[which],
-        math.cos(inner),
-        math.cos(outer),
-        inner,
-        outer,
-        q.phase_kind,
-        q.phase_g,
-        _ULPS * _ULP * (1.0 + abs(q.phase_g) / (1.0 - abs(q.phase_g)) ** 2),
+        light.falloff,
+        math.cos(light.inner),
+        math.cos(light.outer),
+        light.inner,
+        light.outer,
+        medium.phase_kind,
+        medium.phase_g,
+        _ULPS * _ULP * (1.0 + abs(medium.phase_g) / (1.0 - abs(medium.phase_g)) ** 2),
     )
 
 
@@ -155,12 +153,12 @@ def _share_at(r, sx, cx):
 
 
 @device
-def _panel(q, r, rule, a, b, sign, kind, value, error, noise):
+def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     """Integrate one panel [a, b] of theta (of 1/|u| where v = 0): set value, error, noise (3,) per extinction."""
     k0 = k1 = k2 = 0.0
     c0 = c1 = c2 = 0.0
     n0 = n1 = n2 = 0.0
-    groups = q.group_extinction.shape[0]
+    groups = medium.groups
     middle = 0.5 * (a + b)
     half = 0.5 * (b - a)
     for i in range(rule.nodes.shape[0]):
@@ -182,19 +180,19 @@ def _panel(q, r, rule, a, b, sign, kind, value, error, noise):
         path += r.foot
         fine = rule.fine[i]
         coarse = rule.coarse[i]
-        tau = q.group_extinction[0] * path
+        tau = medium.distinct[0] * path
         dim = math.exp(-tau)
         k0 += fine * f * dim
         c0 += coarse * f * dim
         n0 += fine * dim * (rounding + f * _ULP * tau)
         if groups > 1:
-            tau = q.group_extinction[1] * path
+            tau = medium.distinct[1] * path
             dim = math.exp(-tau)
             k1 += fine * f * dim
             c1 += coarse * f * dim
             n1 += fine * dim * (rounding + f * _ULP * tau)
         if groups > 2:
-            tau = q.group_extinction[2] * path
+            tau = medium.distinct[2] * path
             dim = math.exp(-tau)
             k2 += fine * f * dim
             c2 += coarse * f * dim
@@ -258,9 +256,9 @@ def _good(value, error, allowance, rtol, groups):
 
 
 @device
-def _refine(q, r, rule, settings, work, p, whole, value, error, allowance, noise):
+def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, noise):
     """Divide panel ``p`` until it is good; replace its value, error and noise; return the panels computed."""
-    groups = q.group_extinction.shape[0]
+    groups = medium.groups
     sign = work.span[p, 2]
     kind = work.kind[p]
     work.stack[0, 0], work.stack[0, 1], work.stack[0, 2] = work.span[p, 0], work.span[p, 1], 1.0
@@ -272,7 +270,7 @@ def _refine(q, r, rule, settings, work, p, whole, value, error, allowance, noise
     while height > 0:
         height -= 1
         a, b, share = work.stack[height, 0], work.stack[height, 1], work.stack[height, 2]
-        _panel(q, r, rule, a, b, sign, kind, value, error, noise)
+        _panel(medium, r, rule, a, b, sign, kind, value, error, noise)
         computed += 1
         for i in range(groups):
             allowance[i] = share * whole[i]
@@ -291,13 +289,13 @@ def _refine(q, r, rule, settings, work, p, whole, value, error, allowance, noise
 
 
 @device
-def integrate_pieces(q, line, which, pieces, rule, settings, work, value, error, scratch):
+def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, error, scratch):
     """Integrate the lit pieces of one ray for one light, for unit I_0 sigma_s peak.
 
     Parameters
     ----------
-    q, line, which
-        The question, the ray as seen from light ``which``.
+    medium, light, line
+        The medium, the light, the ray as seen from it.
     pieces
         How many pieces ``work.ends`` and ``work.classes`` hold.
     rule, settings, work
@@ -313,10 +311,10 @@ def integrate_pieces(q, line, which, pieces, rule, settings, work, value, error,
     panels
         How many panels were computed.
     """
-    groups = q.group_extinction.shape[0]
-    least = q.group_extinction[0]
+    groups = medium.groups
+    least = medium.distinct[0]
     for i in range(groups):
-        least = min(least, q.group_extinction[i])
+        least = min(least, medium.distinct[i])
     n = 0
     for i in range(pieces):
         n = _first_panels(line.v, least, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
@@ -324,19 +322,19 @@ def integrate_pieces(q, line, which, pieces, rule, settings, work, value, error,
             value[:] = math.inf
             error[:] = 0.0
             return 0
-    r = _ray_constants(q, line, which)
+    r = _ray_constants(medium, light, line)
     whole = scratch[0]
     whole[:] = 0.0
     for p in range(n):
         a, b, sign = work.span[p, 0], work.span[p, 1], work.span[p, 2]
-        _panel(q, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p], work.noise[p])
+        _panel(medium, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p], work.noise[p])
         for i in range(groups):
             whole[i] += work.value[p, i] / n
     computed = n
     if settings.adaptive:
         for p in range(n):
             if not _good(work.value[p], work.error[p], whole, settings.rtol, groups):
-                computed += _refine(q, r, rule, settings, work, p, whole, value, error, scratch[1], scratch[2])
+                computed += _refine(medium, r, rule, settings, work, p, whole, value, error, scratch[1], scratch[2])
     _sum(work, n, groups, 1.0 / line.v if line.v > 0.0 else 1.0, value, error)
     return computed
 

@@ -25,7 +25,7 @@ from atmoref._jit import device, kernel
 from atmoref.optics.phase_functions import phase
 from atmoref.transport.random_numbers import uniform_pair
 from atmoref.transport.samplers import equiangular
-from atmoref.truth.beams_question import LINEAR_ANGLE, NO_FALLOFF, Question
+from atmoref.truth.beams_question import LINEAR_ANGLE, NO_FALLOFF, Question, light_at
 from atmoref.truth.rows import Crop, Progress, run_rows
 
 __all__ = ["BATCH", "monte_carlo"]
@@ -39,113 +39,109 @@ _LEAST_OFFSET_M = 1e-9
 
 
 @device
-def _crosses_sphere(ax, ay, az, dx, dy, dz, cx, cy, cz, radius, low, high):
+def _crosses_sphere(a, d, spheres, i, low, high):
     """Return the least crossing parameter in (low, high) of a + k d with a sphere's surface; infinite for none."""
-    x, y, z = ax - cx, ay - cy, az - cz
-    a = dx * dx + dy * dy + dz * dz
-    b = 2.0 * (x * dx + y * dy + z * dz)
-    c = x * x + y * y + z * z - radius * radius
-    root = b * b - 4.0 * a * c
+    x, y, z = a[0] - spheres[i, 0], a[1] - spheres[i, 1], a[2] - spheres[i, 2]
+    square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    b = 2.0 * (x * d[0] + y * d[1] + z * d[2])
+    c = x * x + y * y + z * z - spheres[i, 3] * spheres[i, 3]
+    root = b * b - 4.0 * square * c
     if root <= 0.0:
         return math.inf
-    first = (-b - math.sqrt(root)) / (2.0 * a)
-    second = (-b + math.sqrt(root)) / (2.0 * a)
+    first = (-b - math.sqrt(root)) / (2.0 * square)
+    second = (-b + math.sqrt(root)) / (2.0 * square)
     if low < first < high:
         return first
     return second if low < second < high else math.inf
 
 
 @device
-def _crosses_box(a, d, q, i, low, high):
+def _crosses_box(a, d, boxes, i, low, high):
     """Return the least crossing parameter in (low, high) of a + k d with one of a box's six faces, and its axis."""
     best = math.inf
     axis = 0
     for k in range(6):
         n = k // 2
-        plane = q.box_min[i, n] if k % 2 == 0 else q.box_max[i, n]
+        plane = boxes[i, n] if k % 2 == 0 else boxes[i, n + 3]
         if d[n] == 0.0:
             continue
         t = (plane - a[n]) / d[n]
         j, m = (n + 1) % 3, (n + 2) % 3
         p = a[j] + t * d[j]
         r = a[m] + t * d[m]
-        inside = q.box_min[i, j] < p < q.box_max[i, j] and q.box_min[i, m] < r < q.box_max[i, m]
+        inside = boxes[i, j] < p < boxes[i, j + 3] and boxes[i, m] < r < boxes[i, m + 3]
         if inside and low < t < high and t < best:
             best, axis = t, n
     return best, axis
 
 
 @device
-def _visible(q, a, b):
+def _visible(objects, a, b):
     """Tell whether nothing crosses the segment between two points; surfaces at its ends do not count."""
     d = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
     high = 1.0 - _END
-    for i in range(q.sphere_radius.shape[0]):
-        c = q.sphere_center[i]
-        t = _crosses_sphere(a[0], a[1], a[2], d[0], d[1], d[2], c[0], c[1], c[2], q.sphere_radius[i], _END, high)
-        if t < high:
+    for i in range(objects.spheres.shape[0]):
+        if _crosses_sphere(a, d, objects.spheres, i, _END, high) < high:
             return False
-    for i in range(q.box_min.shape[0]):
-        if _crosses_box(a, d, q, i, _END, high)[0] < high:
+    for i in range(objects.boxes.shape[0]):
+        if _crosses_box(a, d, objects.boxes, i, _END, high)[0] < high:
             return False
-    for i in range(q.ground_height.shape[0]):
-        h = q.ground_height[i]
+    for i in range(objects.grounds.shape[0]):
+        h = objects.grounds[i, 0]
         if abs(b[1] - h) > _END * abs(d[1]) and (a[1] < h) != (b[1] < h):
             return False
     return True
 
 
 @device
-def _first_surface(q, a, d):
+def _first_surface(objects, a, d):
     """Return distance, normal facing the eye, and albedo of the first surface from ``a`` along unit ``d``."""
     best = math.inf
     normal = (0.0, 0.0, 0.0)
     albedo = (0.0, 0.0, 0.0)
-    for i in range(q.sphere_radius.shape[0]):
-        c = q.sphere_center[i]
-        r = q.sphere_radius[i]
-        t = _crosses_sphere(a[0], a[1], a[2], d[0], d[1], d[2], c[0], c[1], c[2], r, 0.0, best)
+    for i in range(objects.spheres.shape[0]):
+        t = _crosses_sphere(a, d, objects.spheres, i, 0.0, best)
         if t < best:
             best = t
+            o = objects.spheres[i]
             normal = (
-                (a[0] + t * d[0] - c[0]) / r,
-                (a[1] + t * d[1] - c[1]) / r,
-                (a[2] + t * d[2] - c[2]) / r,
+                (a[0] + t * d[0] - o[0]) / o[3],
+                (a[1] + t * d[1] - o[1]) / o[3],
+                (a[2] + t * d[2] - o[2]) / o[3],
             )
-            albedo = (q.sphere_albedo[i, 0], q.sphere_albedo[i, 1], q.sphere_albedo[i, 2])
-    for i in range(q.box_min.shape[0]):
-        t, n = _crosses_box(a, d, q, i, 0.0, best)
+            albedo = (o[4], o[5], o[6])
+    for i in range(objects.boxes.shape[0]):
+        t, n = _crosses_box(a, d, objects.boxes, i, 0.0, best)
         if t < best:
             best = t
             face = -1.0 if d[n] > 0.0 else 1.0
             normal = (face if n == 0 else 0.0, face if n == 1 else 0.0, face if n == 2 else 0.0)
-            albedo = (q.box_albedo[i, 0], q.box_albedo[i, 1], q.box_albedo[i, 2])
-    for i in range(q.ground_height.shape[0]):
-        t = (q.ground_height[i] - a[1]) / d[1] if d[1] != 0.0 else math.inf
+            albedo = (objects.boxes[i, 6], objects.boxes[i, 7], objects.boxes[i, 8])
+    for i in range(objects.grounds.shape[0]):
+        t = (objects.grounds[i, 0] - a[1]) / d[1] if d[1] != 0.0 else math.inf
         if 0.0 < t < best:
             best = t
             normal = (0.0, 1.0 if d[1] < 0.0 else -1.0, 0.0)
-            albedo = (q.ground_albedo[i, 0], q.ground_albedo[i, 1], q.ground_albedo[i, 2])
+            albedo = (objects.grounds[i, 1], objects.grounds[i, 2], objects.grounds[i, 3])
     return best, normal, albedo
 
 
 @device
-def _emitted(q, which, x, y, z):
+def _emitted(light, x, y, z):
     """Return I_l towards a direction from the light (any length)."""
-    if q.light_outer_rad[which] >= math.pi:
-        return q.light_peak[which]
+    if light.outer >= math.pi:
+        return light.peak
     length = math.sqrt(x * x + y * y + z * z)
-    cosine = (x * q.light_axis[which, 0] + y * q.light_axis[which, 1] + z * q.light_axis[which, 2]) / length
+    cosine = (x * light.axis[0] + y * light.axis[1] + z * light.axis[2]) / length
     angle = math.acos(min(max(cosine, -1.0), 1.0))
-    inner, outer = q.light_inner_rad[which], q.light_outer_rad[which]
-    if angle >= outer:
+    if angle >= light.outer:
         return 0.0
-    if angle <= inner or q.light_falloff[which] == NO_FALLOFF:
-        return q.light_peak[which]
-    if q.light_falloff[which] == LINEAR_ANGLE:
-        return q.light_peak[which] * (outer - angle) / (outer - inner)
-    x = (cosine - math.cos(outer)) / (math.cos(inner) - math.cos(outer))
-    return q.light_peak[which] * x * x * (3.0 - 2.0 * x)
+    if angle <= light.inner or light.falloff == NO_FALLOFF:
+        return light.peak
+    if light.falloff == LINEAR_ANGLE:
+        return light.peak * (light.outer - angle) / (light.outer - light.inner)
+    k = (cosine - math.cos(light.outer)) / (math.cos(light.inner) - math.cos(light.outer))
+    return light.peak * k * k * (3.0 - 2.0 * k)
 
 
 @device
@@ -155,42 +151,41 @@ def _reflected(q, a, d, distance, normal, albedo, out):
     if distance == math.inf:
         return
     p = (a[0] + distance * d[0], a[1] + distance * d[1], a[2] + distance * d[2])
-    for which in range(q.light_peak.shape[0]):
-        light = (q.light_position[which, 0], q.light_position[which, 1], q.light_position[which, 2])
-        x, y, z = p[0] - light[0], p[1] - light[1], p[2] - light[2]
+    for which in range(q.lights.shape[0]):
+        light = light_at(q.lights, which)
+        x, y, z = p[0] - light.position[0], p[1] - light.position[1], p[2] - light.position[2]
         s = math.sqrt(x * x + y * y + z * z)
         cosine = -(x * normal[0] + y * normal[1] + z * normal[2]) / s
-        emitted = _emitted(q, which, x, y, z)
-        if cosine <= 0.0 or emitted == 0.0 or not _visible(q, light, p):
+        emitted = _emitted(light, x, y, z)
+        if cosine <= 0.0 or emitted == 0.0 or not _visible(q.objects, light.position, p):
             continue
         for c in range(3):
-            irradiance = q.light_intensity[which, c] * emitted * cosine * math.exp(-q.extinction[c] * s) / (s * s)
-            out[c] += albedo[c] / math.pi * irradiance * math.exp(-q.extinction[c] * distance)
+            irradiance = light.intensity[c] * emitted * cosine * math.exp(-q.medium.extinction[c] * s) / (s * s)
+            out[c] += albedo[c] / math.pi * irradiance * math.exp(-q.medium.extinction[c] * distance)
 
 
 @device
-def _sample(q, which, a, d, distance, xi, out):
+def _sample(q, light, a, d, distance, xi, out):
     """Add to ``out`` (3,) one sample of the light scattered along a ray, divided by its density."""
-    light = (q.light_position[which, 0], q.light_position[which, 1], q.light_position[which, 2])
-    to = (light[0] - a[0], light[1] - a[1], light[2] - a[2])
+    to = (light.position[0] - a[0], light.position[1] - a[1], light.position[2] - a[2])
     foot = to[0] * d[0] + to[1] * d[1] + to[2] * d[2]
     off = (to[0] - foot * d[0], to[1] - foot * d[1], to[2] - foot * d[2])
     v = max(math.sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]), _LEAST_OFFSET_M)
     u, density = equiangular(xi, v, -foot, distance - foot)
     t = foot + u
     p = (a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2])
-    x, y, z = p[0] - light[0], p[1] - light[1], p[2] - light[2]
+    x, y, z = p[0] - light.position[0], p[1] - light.position[1], p[2] - light.position[2]
     ss = x * x + y * y + z * z
     if ss == 0.0:
         return
-    emitted = _emitted(q, which, x, y, z)
-    if emitted == 0.0 or not _visible(q, light, p):
+    emitted = _emitted(light, x, y, z)
+    if emitted == 0.0 or not _visible(q.objects, light.position, p):
         return
     s = math.sqrt(ss)
     mu = -(x * d[0] + y * d[1] + z * d[2]) / s  # the eye lies towards -d
-    f = emitted * phase(q.phase_kind, q.phase_g, min(max(mu, -1.0), 1.0)) / (ss * density)
+    f = emitted * phase(q.medium.phase_kind, q.medium.phase_g, min(max(mu, -1.0), 1.0)) / (ss * density)
     for c in range(3):
-        out[c] += q.light_intensity[which, c] * q.scattering[c] * f * math.exp(-q.extinction[c] * (s + t))
+        out[c] += light.intensity[c] * q.medium.scattering[c] * f * math.exp(-q.medium.extinction[c] * (s + t))
 
 
 @device
@@ -214,10 +209,11 @@ def _estimate(q, a, d, distance, key, pixel, batches, rtol, mean, error, square,
     check = _FIRST_STOP
     for b in range(batches):
         batch[:] = 0.0
-        for which in range(q.light_peak.shape[0]):
+        for which in range(q.lights.shape[0]):
+            light = light_at(q.lights, which)
             for k in range(BATCH):
                 xi, _ = uniform_pair(key, pixel, b * BATCH + k, which)
-                _sample(q, which, a, d, distance, (k + xi) / BATCH, batch)
+                _sample(q, light, a, d, distance, (k + xi) / BATCH, batch)
         used += 1
         for c in range(3):  # Welford
             delta = batch[c] / BATCH - mean[c]
@@ -237,19 +233,20 @@ def _monte_carlo_kernel(image, beam, surface, error, counters, q, key, batches, 
     """Fill the rows [rows[0], rows[1]) of a crop whose corner (column, row) lies in an image of ``shape`` (H, W)."""
     square = np.empty(3)
     batch = np.empty(3)
+    camera = q.camera
     for j in range(rows[0], rows[1]):
         for i in range(image.shape[1]):
             column, line = corner[0] + i, corner[1] + j
-            x = q.half_width * (2.0 * (column + 0.5) / shape[1] - 1.0)
-            y = q.half_height * (1.0 - 2.0 * (line + 0.5) / shape[0])
+            x = camera.half_width * (2.0 * (column + 0.5) / shape[1] - 1.0)
+            y = camera.half_height * (1.0 - 2.0 * (line + 0.5) / shape[0])
             length = math.sqrt(1.0 + x * x + y * y)
-            a = (q.eye[0], q.eye[1], q.eye[2])
+            a = camera.eye
             d = (
-                (q.forward[0] + x * q.right[0] + y * q.up[0]) / length,
-                (q.forward[1] + x * q.right[1] + y * q.up[1]) / length,
-                (q.forward[2] + x * q.right[2] + y * q.up[2]) / length,
+                (camera.forward[0] + x * camera.right[0] + y * camera.up[0]) / length,
+                (camera.forward[1] + x * camera.right[1] + y * camera.up[1]) / length,
+                (camera.forward[2] + x * camera.right[2] + y * camera.up[2]) / length,
             )
-            distance, normal, albedo = _first_surface(q, a, d)
+            distance, normal, albedo = _first_surface(q.objects, a, d)
             _reflected(q, a, d, distance, normal, albedo, surface[j, i])
             pixel = line * shape[1] + column
             used = _estimate(
@@ -257,9 +254,9 @@ def _monte_carlo_kernel(image, beam, surface, error, counters, q, key, batches, 
             )  # fmt: skip
             counters[j] += used
             for c in range(3):
-                ambient = q.ambient[c]
-                if q.ambient_saturates:
-                    tau = q.extinction[c] * distance if q.extinction[c] > 0.0 else 0.0
+                ambient = q.medium.ambient[c]
+                if q.medium.ambient_saturates:
+                    tau = q.medium.extinction[c] * distance if q.medium.extinction[c] > 0.0 else 0.0
                     ambient *= 1.0 - math.exp(-tau)
                 image[j, i, c] = beam[j, i, c] + surface[j, i, c] + ambient
 

@@ -97,11 +97,11 @@ def _plane_root(line, normal, point):
 
 
 @device
-def _cut_at_spheres(q, line, cuts, n, low, high):
+def _cut_at_spheres(objects, line, cuts, n, low, high):
     """Split at each sphere and at the cone from the light that touches it."""
-    for i in range(q.sphere_radius.shape[0]):
-        radius = q.sphere_radius[i]
-        to_center = subtract(row(q.sphere_center, i), line.light)
+    for i in range(objects.spheres.shape[0]):
+        radius = objects.spheres[i, 3]
+        to_center = subtract(row(objects.spheres, i), line.light)
         distance = math.sqrt(dot(to_center, to_center))
         if distance > radius:
             sine = radius / distance
@@ -118,11 +118,11 @@ def _cut_at_spheres(q, line, cuts, n, low, high):
 
 
 @device
-def _cut_at_boxes(q, line, cuts, n, low, high):
+def _cut_at_boxes(objects, line, cuts, n, low, high):
     """Split at the 6 planes of each box's faces and at the 12 planes through the light and an edge."""
-    for i in range(q.box_min.shape[0]):
-        a = row(q.box_min, i)
-        b = row(q.box_max, i)
+    for i in range(objects.boxes.shape[0]):
+        a = row(objects.boxes, i)
+        b = row(objects.boxes, i, 3)
         for axis in range(3):
             d = line.d[axis]
             at = line.light[axis] + line.v * line.e[axis]
@@ -171,13 +171,13 @@ def _sort(cuts, n):
 
 
 @device
-def _beam_span(q, line, which, low, high, cuts):
+def _beam_span(light, line, low, high, cuts):
     """Return the interval of u inside the light's outer cone, which is convex; empty (low >= high) if there is none."""
-    if q.light_outer_rad[which] >= math.pi:
+    if light.outer >= math.pi:
         return low, high
-    axis = row(q.light_axis, which)
-    cosine = math.cos(q.light_outer_rad[which])
-    u1, u2 = _cone_roots(line, axis, cosine, math.sin(q.light_outer_rad[which]))
+    axis = light.axis
+    cosine = math.cos(light.outer)
+    u1, u2 = _cone_roots(line, axis, cosine, math.sin(light.outer))
     cuts[0] = low
     n = _keep(cuts, 1, 0.0, low, high)
     n = _keep(cuts, n, u1, low, high)
@@ -194,26 +194,26 @@ def _beam_span(q, line, which, low, high, cuts):
 
 
 @device
-def _classify(q, line, which, u, inner_cosine):
+def _classify(objects, light, line, u, inner_cosine):
     """Return the class of the piece around u, by exact tests at that place."""
-    if not sees(q, line.light, point_on(line, u), -1, -1):
+    if not sees(objects, line.light, point_on(line, u), -1, -1):
         return DARK
-    plateau = q.light_falloff[which] == NO_FALLOFF or q.light_outer_rad[which] >= math.pi
-    if plateau or _cosine_at(line, row(q.light_axis, which), u) >= inner_cosine:
+    plateau = light.falloff == NO_FALLOFF or light.outer >= math.pi
+    if plateau or _cosine_at(line, light.axis, u) >= inner_cosine:
         return FULL
     return EDGE
 
 
 @device
-def find_pieces(q, line, which, low, high, cuts, ends, classes):
+def find_pieces(objects, light, line, low, high, cuts, ends, classes):
     """Find the lit pieces of one ray for one light.
 
     Parameters
     ----------
-    q
-        The question.
-    line, which
-        The ray as seen from light number ``which``.
+    objects, light
+        The opaque things, the light.
+    line
+        The ray as seen from the light.
     low, high
         Part of the ray that counts, in u; ``high`` may be infinite.
     cuts
@@ -227,28 +227,28 @@ def find_pieces(q, line, which, low, high, cuts, ends, classes):
     n
         The number of lit pieces.
     """
-    low, high = _beam_span(q, line, which, low, high, cuts)
+    low, high = _beam_span(light, line, low, high, cuts)
     if not low < high:
         return 0
     n = 0
     n = _keep(cuts, n, 0.0, low, high)
-    if q.light_outer_rad[which] < math.pi and q.light_falloff[which] != NO_FALLOFF:
-        inner = q.light_inner_rad[which]
-        u1, u2 = _cone_roots(line, row(q.light_axis, which), math.cos(inner), math.sin(inner))
+    if light.outer < math.pi and light.falloff != NO_FALLOFF:
+        inner = light.inner
+        u1, u2 = _cone_roots(line, light.axis, math.cos(inner), math.sin(inner))
         n = _keep(cuts, n, u1, low, high)
         n = _keep(cuts, n, u2, low, high)
-    n = _cut_at_spheres(q, line, cuts, n, low, high)
-    n = _cut_at_boxes(q, line, cuts, n, low, high)
-    for i in range(q.ground_height.shape[0]):
-        n = _keep(cuts, n, _plane_root(line, (0.0, 1.0, 0.0), (0.0, q.ground_height[i], 0.0)), low, high)
+    n = _cut_at_spheres(objects, line, cuts, n, low, high)
+    n = _cut_at_boxes(objects, line, cuts, n, low, high)
+    for i in range(objects.grounds.shape[0]):
+        n = _keep(cuts, n, _plane_root(line, (0.0, 1.0, 0.0), (0.0, objects.grounds[i, 0], 0.0)), low, high)
     _sort(cuts, n)
-    return _collect(q, line, which, low, high, cuts, n, ends, classes)
+    return _collect(objects, light, line, low, high, cuts, n, ends, classes)
 
 
 @device
-def _collect(q, line, which, low, high, cuts, n, ends, classes):
+def _collect(objects, light, line, low, high, cuts, n, ends, classes):
     """Classify what lies between the sorted cuts, merge equal neighbours, and return how many lit pieces there are."""
-    inner_cosine = math.cos(q.light_inner_rad[which])
+    inner_cosine = math.cos(light.inner)
     count = 0
     previous = DARK
     for i in range(n + 1):
@@ -256,7 +256,7 @@ def _collect(q, line, which, low, high, cuts, n, ends, classes):
         b = cuts[i] if i < n else high
         if not a < b:
             continue
-        found = _classify(q, line, which, _inner_point(a, b), inner_cosine)
+        found = _classify(objects, light, line, _inner_point(a, b), inner_cosine)
         if found != DARK:
             if found == previous and a != 0.0:
                 ends[count - 1, 1] = b

@@ -33,9 +33,9 @@ from atmoref.truth.beams_geometry import (
     sees,
     subtract,
 )
-from atmoref.truth.beams_integral import Settings, integrate_pieces, light_distribution, workspace
+from atmoref.truth.beams_integral import Panels, Settings, integrate_pieces, light_distribution, workspace
 from atmoref.truth.beams_pieces import cut_capacity, find_pieces, line_from_light
-from atmoref.truth.beams_question import NO_FALLOFF, Question
+from atmoref.truth.beams_question import NO_FALLOFF, Camera, Question, light_at
 from atmoref.truth.quadrature_rules import GAUSS_KRONROD_21, Rule
 from atmoref.truth.rows import Crop, Progress, run_rows
 
@@ -48,23 +48,20 @@ _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
 
 @device
-def _reach(q, which, light, p):
+def _reach(light, p):
     """Return I_l in the direction of a point."""
-    if q.light_outer_rad[which] >= math.pi:
-        return q.light_peak[which]
-    w = subtract(p, light)
-    axis = row(q.light_axis, which)
-    cosine = dot(w, axis) / math.sqrt(dot(w, w))
-    inner = q.light_inner_rad[which]
-    outer = q.light_outer_rad[which]
-    if not cosine > math.cos(outer):
+    if light.outer >= math.pi:
+        return light.peak
+    w = subtract(p, light.position)
+    cosine = dot(w, light.axis) / math.sqrt(dot(w, w))
+    inner = math.cos(light.inner)
+    outer = math.cos(light.outer)
+    if not cosine > outer:
         return 0.0
-    if q.light_falloff[which] == NO_FALLOFF or cosine >= math.cos(inner):
-        return q.light_peak[which]
+    if light.falloff == NO_FALLOFF or cosine >= inner:
+        return light.peak
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-    return q.light_peak[which] * light_distribution(
-        q.light_falloff[which], cosine, sine, math.cos(inner), math.cos(outer), inner, outer
-    )
+    return light.peak * light_distribution(light.falloff, cosine, sine, inner, outer, light.inner, light.outer)
 
 
 @device
@@ -74,21 +71,21 @@ def _surface(q, start, d, distance, kind, index, out):
     if kind == NOTHING:
         return
     p = add(start, scaled(d, distance))
-    normal, albedo = normal_and_albedo(q, p, kind, index, d)
-    for which in range(q.light_peak.shape[0]):
-        light = row(q.light_position, which)
-        w = subtract(light, p)
+    normal, albedo = normal_and_albedo(q.objects, p, kind, index, d)
+    for which in range(q.lights.shape[0]):
+        light = light_at(q.lights, which)
+        w = subtract(light.position, p)
         ss = dot(w, w)
         s = math.sqrt(ss)
         cosine = dot(w, normal) / s
         if not cosine > 0.0:
             continue
-        share = _reach(q, which, light, p)
-        if share == 0.0 or not sees(q, light, p, kind, index):
+        share = _reach(light, p)
+        if share == 0.0 or not sees(q.objects, light.position, p, kind, index):
             continue
         for c in range(3):
-            dim = math.exp(-q.extinction[c] * (s + distance))
-            out[c] += albedo[c] / math.pi * q.light_intensity[which, c] * share * cosine * dim / ss
+            dim = math.exp(-q.medium.extinction[c] * (s + distance))
+            out[c] += albedo[c] / math.pi * light.intensity[c] * share * cosine * dim / ss
 
 
 @device
@@ -99,19 +96,20 @@ def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, cou
     value = scratch[3]
     estimate = scratch[4]
     lit = False
-    for which in range(q.light_peak.shape[0]):
-        line = line_from_light(start, d, row(q.light_position, which))
+    for which in range(q.lights.shape[0]):
+        light = light_at(q.lights, which)
+        line = line_from_light(start, d, light.position)
         high = distance - line.foot
-        pieces = find_pieces(q, line, which, -line.foot, high, work.cuts, work.ends, work.classes)
+        pieces = find_pieces(q.objects, light, line, -line.foot, high, work.cuts, work.ends, work.classes)
         if pieces == 0:
             continue
         lit = True
-        counters[0] += integrate_pieces(q, line, which, pieces, rule, settings, work, value, estimate, scratch)
+        counters[0] += integrate_pieces(q.medium, light, line, pieces, rule, settings, work, value, estimate, scratch)
         counters[1] += pieces
         for c in range(3):
-            scale = q.light_intensity[which, c] * q.light_peak[which] * q.scattering[c]
+            scale = light.intensity[c] * light.peak * q.medium.scattering[c]
             if scale > 0.0:
-                group = q.extinction_group[c]
+                group = q.medium.group[c]
                 beam[c] += scale * value[group]
                 if value[group] < math.inf:
                     error[c] += scale * (estimate[group] + ROUNDING * value[group])
@@ -120,46 +118,13 @@ def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, cou
 
 
 @device
-def _ambient(q, distance, c):
+def _ambient(medium, distance, c):
     """Return the ambient term of one channel."""
-    if not q.ambient_saturates:
-        return q.ambient[c]
-    if q.extinction[c] == 0.0:
+    if not medium.ambient_saturates:
+        return medium.ambient[c]
+    if medium.extinction[c] == 0.0:
         return 0.0
-    return -q.ambient[c] * math.expm1(-q.extinction[c] * distance)
-
-
-@device
-def _one_ray(q, start, d, limit, rule, settings, work, image, beam, surface, error, scratch, counters):
-    distance, kind, index = nearest_hit(q, start, d)
-    if limit < distance:
-        distance, kind = limit, NOTHING
-    _surface(q, start, d, distance, kind, index, surface)
-    _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, counters)
-    for c in range(3):
-        image[c] = surface[c] + beam[c] + _ambient(q, distance, c)
-        error[c] += ROUNDING * (image[c] - beam[c])
-
-
-@kernel
-def _rows_kernel(image, beam, surface, error, counters, q, rule, settings, work, shape, corner, rows):
-    """Fill the rows [rows[0], rows[1]) of a crop whose corner (column, row) lies in an image of ``shape`` (H, W)."""
-    scratch = np.empty((5, 3))
-    for j in range(rows[0], rows[1]):
-        y = (1.0 - 2.0 * (corner[1] + j + 0.5) / shape[0]) * q.half_height
-        for i in range(image.shape[1]):
-            x = (2.0 * (corner[0] + i + 0.5) / shape[1] - 1.0) * q.half_width
-            ray = (
-                q.forward[0] + x * q.right[0] + y * q.up[0],
-                q.forward[1] + x * q.right[1] + y * q.up[1],
-                q.forward[2] + x * q.right[2] + y * q.up[2],
-            )
-            d = scaled(ray, 1.0 / math.sqrt(dot(ray, ray)))
-            start = (q.eye[0], q.eye[1], q.eye[2])
-            _one_ray(
-                q, start, d, math.inf, rule, settings, work,
-                image[j, i], beam[j, i], surface[j, i], error[j, i], scratch, counters[j],
-            )  # fmt: skip
+    return -medium.ambient[c] * math.expm1(-medium.extinction[c] * distance)
 
 
 @kernel
@@ -167,17 +132,31 @@ def _rays_kernel(image, beam, surface, error, counters, q, rule, settings, work,
     """Fill one entry for each of n rays."""
     scratch = np.empty((5, 3))
     for i in range(starts.shape[0]):
+        start = row(starts, i)
         d = row(directions, i)
         d = scaled(d, 1.0 / math.sqrt(dot(d, d)))
-        _one_ray(
-            q, row(starts, i), d, limits[i], rule, settings, work,
-            image[i], beam[i], surface[i], error[i], scratch, counters[i],
-        )  # fmt: skip
+        distance, kind, index = nearest_hit(q.objects, start, d)
+        if limits[i] < distance:
+            distance, kind = limits[i], NOTHING
+        _surface(q, start, d, distance, kind, index, surface[i])
+        _beam(q, start, d, distance, rule, settings, work, beam[i], error[i], scratch, counters[i])
+        for c in range(3):
+            image[i, c] = surface[i, c] + beam[i, c] + _ambient(q.medium, distance, c)
+            if image[i, c] < math.inf:
+                error[i, c] += ROUNDING * (image[i, c] - beam[i, c])
 
 
-def _work_for(q: Question, settings: Settings) -> Any:
-    capacity = cut_capacity(q.sphere_radius.size, q.box_min.shape[0], q.ground_height.size)
-    return workspace(capacity, settings.first_split)
+def _pixel_rays(camera: Camera, shape: tuple[int, int], crop: Crop, rows: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the directions (rows · width, 3), of any length, through the pixel centres of some rows of a crop."""
+    x = (2.0 * (crop.x + np.arange(crop.width) + 0.5) / shape[1] - 1.0) * camera.half_width
+    y = (1.0 - 2.0 * (crop.y + np.arange(*rows) + 0.5) / shape[0]) * camera.half_height
+    across = x[None, :, None] * np.array(camera.right)
+    d: NDArray[np.float64] = np.array(camera.forward) + across + y[:, None, None] * np.array(camera.up)
+    return d.reshape(-1, 3)
+
+
+def _work_for(q: Question, settings: Settings) -> Panels:
+    return workspace(cut_capacity(*(len(table) for table in q.objects)), settings.first_split)
 
 
 def quadrature(
@@ -214,16 +193,18 @@ def quadrature(
     Returns
     -------
     dict
-        ``image, beam, surface, error`` (h, w, 3) float64, radiance in W/(m² sr); ``counters`` (h, 3): panels, lit
-        pieces, rays with a lit piece.
+        ``image, beam, surface, error`` (h, w, 3) float64, radiance in W/(m² sr); ``counters`` (h, w, 3): panels,
+        lit pieces, 1 for a ray with a lit piece.
     """
     settings = Settings(rtol, first_split, adaptive)
-    out = _outputs((crop.height, crop.width), (crop.height,))
-    corner = (crop.x, crop.y)
+    out = _outputs((crop.height, crop.width))
 
     def compute(first: int, last: int) -> None:
-        work = _work_for(q, settings)
-        _rows_kernel(*out.values(), q, rule, settings, work, shape, corner, (first, last))
+        directions = _pixel_rays(q.camera, shape, crop, (first, last))
+        starts = np.full(directions.shape, q.camera.eye)
+        limits = np.full(len(directions), math.inf)
+        parts = (array[first:last].reshape(-1, 3) for array in out.values())
+        _rays_kernel(*parts, q, rule, settings, _work_for(q, settings), starts, directions, limits)
 
     run_rows(compute, crop.height, threads, progress)
     return out
@@ -263,14 +244,14 @@ def quadrature_along(
     if starts.shape != (n, 3) or directions.shape != (n, 3):
         raise ValueError(f"rays want shapes (n, 3), found {starts.shape} and {directions.shape}")
     ends = np.full(n, math.inf) if limits is None else np.ascontiguousarray(limits, np.float64)
-    out = _outputs((n,), (n,))
+    out = _outputs((n,))
     a = np.ascontiguousarray(starts, np.float64)
     b = np.ascontiguousarray(directions, np.float64)
     _rays_kernel(*out.values(), q, rule, settings, _work_for(q, settings), a, b, ends)
     return out
 
 
-def _outputs(shape: tuple[int, ...], rows: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+def _outputs(shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
     out: dict[str, NDArray[Any]] = {name: np.zeros((*shape, 3)) for name in ("image", "beam", "surface", "error")}
-    out["counters"] = np.zeros((*rows, _COUNTERS), np.int64)
+    out["counters"] = np.zeros((*shape, _COUNTERS), np.int64)
     return out

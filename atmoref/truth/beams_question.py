@@ -1,6 +1,7 @@
-"""What the truths of light beams ask of a scene: the same numbers as plain arrays, and nothing computed from them.
+"""What the truths of light beams ask of a scene: its numbers in a few plain tables, and nothing computed from them.
 
-Shared by the quadrature and the Monte Carlo, because it is the question and not a method.
+Shared by the quadrature and the Monte Carlo, because it is the question and not a method. Tables rather than an array
+per quantity: Numba passes every field of every array as an argument, and 26 arrays took 24 s to compile.
 """
 
 from __future__ import annotations
@@ -12,9 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from atmoref._jit import device
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 
-__all__ = ["FALLOFFS", "LINEAR_ANGLE", "NO_FALLOFF", "SMOOTHSTEP_COSINE", "Question", "ask"]
+__all__ = [
+    "FALLOFFS",
+    "LINEAR_ANGLE",
+    "NO_FALLOFF",
+    "SMOOTHSTEP_COSINE",
+    "Camera",
+    "Light",
+    "Medium",
+    "Objects",
+    "Question",
+    "ask",
+    "light_at",
+]
 
 SMOOTHSTEP_COSINE = 0
 LINEAR_ANGLE = 1
@@ -22,73 +36,155 @@ NO_FALLOFF = 2
 FALLOFFS = {"smoothstep_cosine": SMOOTHSTEP_COSINE, "linear_angle": LINEAR_ANGLE, "none": NO_FALLOFF}
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Triple = tuple[float, float, float]
 
 
-class Question(NamedTuple):
-    """A beams scene in arrays: L lights, S spheres, B boxes, G grounds; metres, radians, three colour channels last.
+class Camera(NamedTuple):
+    """A perspective camera: place (m), unit axes, and half the size of the image plane at distance 1."""
 
-    A light with ``outer_rad = pi`` shines everywhere (no cone); scene files cannot ask for it, closed forms can.
-    """
-
-    eye: Floats  # (3,)
-    right: Floats  # (3,) camera axes, unit
-    up: Floats
-    forward: Floats
-    half_width: float  # of the image plane at distance 1
+    eye: Triple
+    right: Triple
+    up: Triple
+    forward: Triple
+    half_width: float
     half_height: float
-    light_position: Floats  # (L, 3)
-    light_axis: Floats  # (L, 3) unit, of travel
-    light_inner_rad: Floats  # (L,)
-    light_outer_rad: Floats
-    light_falloff: Ints
-    light_peak: Floats
-    light_intensity: Floats  # (L, 3) W/sr
-    sphere_center: Floats  # (S, 3)
-    sphere_radius: Floats  # (S,)
-    sphere_albedo: Floats  # (S, 3)
-    box_min: Floats  # (B, 3)
-    box_max: Floats
-    box_albedo: Floats
-    ground_height: Floats  # (G,)
-    ground_albedo: Floats  # (G, 3)
-    extinction: Floats  # (3,) 1/m
-    scattering: Floats  # (3,) 1/m
-    extinction_group: Ints  # (3,) index into group_extinction: equal channels share one integral
-    group_extinction: Floats  # (1..3,) distinct extinctions, 1/m
+
+
+class Objects(NamedTuple):
+    """Opaque things, a row each; the last three columns are the albedo."""
+
+    spheres: Floats  # (S, 7) centre, radius, albedo
+    boxes: Floats  # (B, 9) least corner, greatest corner, albedo
+    grounds: Floats  # (G, 4) height, albedo
+
+
+class Medium(NamedTuple):
+    """The uniform medium: 1/m, three channels."""
+
+    extinction: Triple
+    scattering: Triple
+    group: tuple[int, int, int]  # index of a channel's extinction among the distinct ones, which share an integral
+    distinct: Triple  # the distinct extinctions, as many as ``groups``
+    groups: int
     phase_kind: int
     phase_g: float
-    ambient: Floats  # (3,)
+    ambient: Triple
     ambient_saturates: bool
 
 
-def _rows(rows: Sequence[Sequence[float]], width: int = 3) -> Floats:
+class Question(NamedTuple):
+    """A beams scene."""
+
+    camera: Camera
+    lights: Floats  # (L, 13) rows that light_at() reads
+    objects: Objects
+    medium: Medium
+
+
+class Light(NamedTuple):
+    """One spotlight; axis along the light's travel, intensity in W/sr.
+
+    A light with ``outer = pi`` shines everywhere (no cone); scene files cannot ask for it, closed forms can.
+    """
+
+    position: Triple
+    axis: Triple
+    inner: float  # rad
+    outer: float
+    falloff: int
+    peak: float
+    intensity: Triple
+
+
+@device
+def light_at(lights: Floats, i: int) -> Light:
+    """Return light ``i`` of a question."""
+    return Light(
+        (lights[i, 0], lights[i, 1], lights[i, 2]),
+        (lights[i, 3], lights[i, 4], lights[i, 5]),
+        lights[i, 6],
+        lights[i, 7],
+        int(lights[i, 8]),
+        lights[i, 9],
+        (lights[i, 10], lights[i, 11], lights[i, 12]),
+    )
+
+
+def _light_row(light: Any) -> list[float]:
+    return [
+        *light.position_m,
+        *_unit(light.direction),
+        math.radians(light.inner_half_angle_deg),
+        math.radians(light.outer_half_angle_deg),
+        float(FALLOFFS[light.falloff]),
+        float(light.peak),
+        *light.radiant_intensity_w_per_sr,
+    ]
+
+
+def _table(rows: Sequence[Sequence[float]], width: int) -> Floats:
     return np.array(rows, np.float64).reshape(len(rows), width)
 
 
-def _unit(v: Sequence[float]) -> Floats:
-    x, y, z = (float(c) for c in v)
+def _triple(v: Sequence[float]) -> Triple:
+    return float(v[0]), float(v[1]), float(v[2])
+
+
+def _unit(v: Sequence[float]) -> Triple:
+    x, y, z = _triple(v)
     length = math.hypot(x, y, z)
-    return np.array([x / length, y / length, z / length])
+    return x / length, y / length, z / length
 
 
-def _camera_axes(camera: Any) -> tuple[Floats, Floats, Floats]:
-    """Return right, up, forward of a right-handed camera: right = forward × up (own code: see decision 0003)."""
-    forward = _unit([float(b) - float(a) for a, b in zip(camera.position_m, camera.look_at_m, strict=True)])
-    right = _unit(np.cross(forward, np.array(camera.up, np.float64)).tolist())
-    return right, _unit(np.cross(right, forward).tolist()), forward
+def _camera(camera: Any, width: int, height: int) -> Camera:
+    """Return the camera; right-handed, right = forward × up (own code: docs/decisions/0003-truth-independence.md)."""
+    if camera.type != "perspective":
+        raise ValueError(f"the truth of beams has no camera of type {camera.type!r}")
+    eye = _triple(camera.position_m)
+    forward = _unit([b - a for a, b in zip(eye, _triple(camera.look_at_m), strict=True)])
+    right = _unit(_cross(forward, _unit(camera.up)))
+    half_height = math.tan(math.radians(float(camera.vertical_fov_deg)) / 2.0)
+    return Camera(eye, right, _unit(_cross(right, forward)), forward, half_height * width / height, half_height)
 
 
-def _groups(extinction: Floats) -> tuple[Ints, Floats]:
-    distinct: list[float] = []
-    for sigma in extinction.tolist():
-        if sigma not in distinct:
-            distinct.append(sigma)
-    return np.array([distinct.index(s) for s in extinction.tolist()], np.int64), np.array(distinct)
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _objects(things: Sequence[Any]) -> Objects:
+    spheres, boxes, grounds = [], [], []
+    for thing in things:
+        if thing.type == "sphere":
+            spheres.append([*thing.center_m, thing.radius_m, *thing.albedo])
+        elif thing.type == "box":
+            boxes.append([*thing.min_m, *thing.max_m, *thing.albedo])
+        elif thing.type == "ground":
+            grounds.append([thing.height_m, *thing.albedo])
+        else:
+            raise ValueError(f"the truth of beams has no object of type {thing.type!r}")
+    return Objects(_table(spheres, 7), _table(boxes, 9), _table(grounds, 4))
+
+
+def _medium(medium: Any, saturates: bool) -> Medium:
+    extinction = _triple(medium.extinction_per_m)
+    albedo = _triple(medium.single_scattering_albedo)
+    distinct = list(dict.fromkeys(extinction))
+    a, b, c = (distinct.index(sigma) for sigma in extinction)
+    return Medium(
+        extinction=extinction,
+        scattering=_triple([s * w for s, w in zip(extinction, albedo, strict=True)]),
+        group=(a, b, c),
+        distinct=_triple([*distinct, 0.0, 0.0]),
+        groups=len(distinct),
+        phase_kind=PHASE_FUNCTIONS[medium.phase_function.type],
+        phase_g=float(medium.phase_function.g),
+        ambient=_triple(medium.ambient_radiance),
+        ambient_saturates=saturates,
+    )
 
 
 def ask(scene: Any, ambient_mode: str = "constant") -> Question:
-    """Return the arrays of a scene's question.
+    """Return the question that a scene asks.
 
     Parameters
     ----------
@@ -105,48 +201,12 @@ def ask(scene: Any, ambient_mode: str = "constant") -> Question:
     """
     if ambient_mode not in ("constant", "saturating"):
         raise ValueError(f"ambient mode {ambient_mode!r}: allowed are 'constant' and 'saturating'")
-    width, height = int(scene.image.width), int(scene.image.height)
-    half_height = math.tan(math.radians(float(scene.camera.vertical_fov_deg)) / 2.0)
-    right, up, forward = _camera_axes(scene.camera)
-    kinds: dict[str, list[Any]] = {"sphere": [], "box": [], "ground": []}
-    for thing in scene.objects:
-        if thing.type not in kinds:
-            raise ValueError(f"the truth of beams has no object of type {thing.type!r}")
-        kinds[thing.type].append(thing)
     for light in scene.lights:
         if light.type != "spot":
             raise ValueError(f"the truth of beams has no light of type {light.type!r}")
-    medium = scene.medium
-    extinction = np.array(medium.extinction_per_m, np.float64)
-    group, distinct = _groups(extinction)
     return Question(
-        eye=np.array(scene.camera.position_m, np.float64),
-        right=right,
-        up=up,
-        forward=forward,
-        half_width=half_height * width / height,
-        half_height=half_height,
-        light_position=_rows([light.position_m for light in scene.lights]),
-        light_axis=_rows([_unit(light.direction).tolist() for light in scene.lights]),
-        light_inner_rad=np.array([math.radians(light.inner_half_angle_deg) for light in scene.lights]),
-        light_outer_rad=np.array([math.radians(light.outer_half_angle_deg) for light in scene.lights]),
-        light_falloff=np.array([FALLOFFS[light.falloff] for light in scene.lights], np.int64),
-        light_peak=np.array([float(light.peak) for light in scene.lights]),
-        light_intensity=_rows([light.radiant_intensity_w_per_sr for light in scene.lights]),
-        sphere_center=_rows([s.center_m for s in kinds["sphere"]]),
-        sphere_radius=np.array([float(s.radius_m) for s in kinds["sphere"]]),
-        sphere_albedo=_rows([s.albedo for s in kinds["sphere"]]),
-        box_min=_rows([b.min_m for b in kinds["box"]]),
-        box_max=_rows([b.max_m for b in kinds["box"]]),
-        box_albedo=_rows([b.albedo for b in kinds["box"]]),
-        ground_height=np.array([float(g.height_m) for g in kinds["ground"]]),
-        ground_albedo=_rows([g.albedo for g in kinds["ground"]]),
-        extinction=extinction,
-        scattering=extinction * np.array(medium.single_scattering_albedo, np.float64),
-        extinction_group=group,
-        group_extinction=distinct,
-        phase_kind=PHASE_FUNCTIONS[medium.phase_function.type],
-        phase_g=float(getattr(medium.phase_function, "g", 0.0) or 0.0),
-        ambient=np.array(medium.ambient_radiance, np.float64),
-        ambient_saturates=ambient_mode == "saturating",
+        camera=_camera(scene.camera, int(scene.image.width), int(scene.image.height)),
+        lights=_table([_light_row(light) for light in scene.lights], 13),
+        objects=_objects(scene.objects),
+        medium=_medium(scene.medium, ambient_mode == "saturating"),
     )
