@@ -165,13 +165,13 @@ def decode(codes: ArrayLike, fmt: Format) -> NDArray[np.float64]:
 def decode_as(codes: ArrayLike, fmt: Format, device: Device, dtype: DTypeLike) -> NDArray[Any]:
     """Return the values that a kernel of float32 or float64 arithmetic reads on a device, in that type.
 
-    The bits are those of the lane function `blend.value`. Error: none for `ideal` up to 16 bits (correctly rounded),
-    else up to 1 ulp in float32.
+    Up to 16 bits the bits are those of the lane function `blend.value`. Error: none where the device divides (correctly
+    rounded), else 1 ulp in float32.
     """
     if fmt.kind == "unorm" and np.dtype(dtype) == np.float32:
-        a, b = (np.float32(f) for f in decode_factors(fmt, device))
+        factor, rest = decode_factors(fmt, device)
         c = np.asarray(codes).astype(np.float32)
-        return np.asarray(c * a + c * b)
+        return np.asarray(c / np.float32(fmt.top) if rest else c * np.float32(factor))
     return decode(codes, fmt).astype(dtype)
 
 

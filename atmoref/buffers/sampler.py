@@ -15,8 +15,8 @@ fused
     The same with one rounding, fma(weight, b - a, a).
 bytes
     8-bit weights and results: x = round(u (256 width)) - 128, texel x >> 8, weight x & 255,
-    a + ((weight (b - a) + 128) >> 8) in codes. 256 steps between two texels; up to 1.45 codes from the exact bilinear
-    filter, 1.87 codes from the trilinear one.
+    a + ((weight (b - a) + 128) >> 8) in codes. 256 steps between two texels; within 2 codes of the exact bilinear
+    filter and 3 of the trilinear one (less than one per axis; 1.45 and 1.87 measured on random textures).
 """
 
 from typing import Any, Final, Literal, NamedTuple
