@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from atmoref._jit import device
+from atmoref._jit import scalar
 from atmoref.optics.phase_functions import phase
 from atmoref.truth.beams_geometry import cross, dot
 from atmoref.truth.beams_pieces import EDGE
@@ -99,7 +99,7 @@ class _Ray(NamedTuple):
     phase_noise: float  # relative rounding of the phase function
 
 
-@device
+@scalar
 def _ray_constants(medium, light, line):
     axis = light.axis
     return _Ray(
@@ -120,7 +120,7 @@ def _ray_constants(medium, light, line):
     )
 
 
-@device
+@scalar
 def light_distribution(falloff, cosine, sine, cos_inner, cos_outer, inner, outer):
     """Return the share of the peak intensity between inner and outer cone, at an angle given by cosine and sine."""
     if falloff == LINEAR_ANGLE:
@@ -130,7 +130,7 @@ def light_distribution(falloff, cosine, sine, cos_inner, cos_outer, inner, outer
     return x * x * (3.0 - 2.0 * x)
 
 
-@device
+@scalar
 def _share_at(r, sx, cx):
     """Return I_l / peak in the falloff zone and its rounding error; ``cx`` carries the sign of u.
 
@@ -152,7 +152,7 @@ def _share_at(r, sx, cx):
     return share, lost * 6.0 * x / (r.cos_inner - r.cos_outer)
 
 
-@device
+@scalar
 def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     """Integrate one panel [a, b] of theta (of 1/|u| where v = 0): set value, error, noise (3,) per extinction."""
     k0 = k1 = k2 = 0.0
@@ -202,13 +202,13 @@ def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
 
 
-@device
+@scalar
 def _angle(v, u):
     """Return theta at |u|, or 1/|u| where v = 0; infinite only for v = u = 0."""
     return math.atan2(v, abs(u)) if v > 0.0 else 1.0 / abs(u)
 
 
-@device
+@scalar
 def _first_panels(v, sigma, start, end, kind, settings, work, n):
     """Append the first panels of a lit piece [start, end] of u, which lies on one side of 0; return the new count.
 
@@ -238,7 +238,7 @@ def _first_panels(v, sigma, start, end, kind, settings, work, n):
     return n
 
 
-@device
+@scalar
 def _halfway(a, b):
     """Return where to divide a panel: in the geometric middle if it spans a large ratio."""
     if b > 4.0 * a:
@@ -246,7 +246,7 @@ def _halfway(a, b):
     return 0.5 * (a + b)
 
 
-@device
+@scalar
 def _good(value, error, allowance, rtol, groups):
     """Tell whether a panel's error is within half of rtol times itself plus its share of the whole."""
     good = True
@@ -255,7 +255,7 @@ def _good(value, error, allowance, rtol, groups):
     return good
 
 
-@device
+@scalar
 def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, noise):
     """Divide panel ``p`` until it is good; replace its value, error and noise; return the panels computed."""
     groups = medium.groups
@@ -288,7 +288,7 @@ def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, 
     return computed
 
 
-@device
+@scalar
 def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, error, scratch):
     """Integrate the lit pieces of one ray for one light, for unit I_0 sigma_s peak.
 
@@ -339,7 +339,7 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
     return computed
 
 
-@device
+@scalar
 def _sum(work, n, groups, factor, value, error):
     for i in range(groups):
         value[i] = 0.0

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref._jit import device, kernel
+from atmoref._jit import pure, scalar
 from atmoref.truth.beams_geometry import (
     NOTHING,
     add,
@@ -47,7 +47,7 @@ ROUNDING = 4e-15
 _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
 
-@device
+@scalar
 def _reach(light, p):
     """Return I_l in the direction of a point."""
     if light.outer >= math.pi:
@@ -64,7 +64,7 @@ def _reach(light, p):
     return light.peak * light_distribution(light.falloff, cosine, sine, inner, outer, light.inner, light.outer)
 
 
-@device
+@scalar
 def _surface(q, start, d, distance, kind, index, out):
     """Set the light (3,) that the surface at ``distance`` sends to the eye, dimmed by the medium both ways."""
     out[:] = 0.0
@@ -88,7 +88,7 @@ def _surface(q, start, d, distance, kind, index, out):
             out[c] += albedo[c] / math.pi * light.intensity[c] * share * cosine * dim / ss
 
 
-@device
+@scalar
 def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, counters):
     """Set the light (3,) scattered to the eye along a ray up to ``distance``, and its error estimate."""
     beam[:] = 0.0
@@ -117,7 +117,7 @@ def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, cou
         counters[2] += 1
 
 
-@device
+@scalar
 def _ambient(medium, distance, c):
     """Return the ambient term of one channel."""
     if not medium.ambient_saturates:
@@ -127,7 +127,7 @@ def _ambient(medium, distance, c):
     return -medium.ambient[c] * math.expm1(-medium.extinction[c] * distance)
 
 
-@kernel
+@pure
 def _rays_kernel(image, beam, surface, error, counters, q, rule, settings, work, starts, directions, limits):
     """Fill one entry for each of n rays."""
     scratch = np.empty((5, 3))
