@@ -1,0 +1,169 @@
+# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+"""The main loop of the light beams: sub-planes gathered into f_h, then one main plane f_h c_k q, slab after slab.
+
+Draw d of slab k is its sub-plane j (d = first[k] + k + j), or, after the last of them, its main plane.  A call draws any
+range [d0, d1).  f_h lives in its buffer between calls and in registers, in the buffer's own format, within one: so one
+call and one call per draw agree to the last bit.
+"""
+
+from typing import Any, NamedTuple
+
+from numba import float64, int32
+
+from atmoref._jit import device, kernel
+from atmoref.buffers.blend import value
+from atmoref.lanes import N, any_lane, convert, count_lanes, lift, load, select, spread_int, store
+from atmoref.stages.camera import Camera, camera_ray
+from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
+from atmoref.stages.spot_light import Spot, Switches, light_ray
+from atmoref.stages.sub_plane import draw_sub_plane
+from atmoref.stages.target import Colour, add_colour, channel_rule, read_colour, write_colour
+
+# columns of the counters, one row of them per image row
+SUB_WAVES, SUB_LIT_WAVES, SUB_SAMPLES, MAIN_WAVES, MAIN_LIT_WAVES = 0, 1, 2, 3, 4
+COUNTERS = 5
+# a draw's block of the probe: depth, coordinates, mask, colour that was drawn, colour that is stored then
+PROBE = ("z", "u", "v", "w", "drawn", "r", "g", "b", "stored_r", "stored_g", "stored_b")
+
+
+class Window(NamedTuple):
+    """Pixels to draw (columns start at multiples of the lane width), size and pitch of the buffers, draw range."""
+
+    column0: int
+    column1: int
+    row0: int
+    row1: int
+    height: int
+    pitch: int
+    d0: int
+    d1: int
+    trace: int  # write the probe
+
+
+class BeamUniforms(NamedTuple):
+    """All scalars of the kernel."""
+
+    camera: Camera
+    spot: Spot
+    slab: Slab
+    switches: Switches
+    slab_switches: SlabSwitches
+
+
+class Pixel(NamedTuple):
+    """Lanes of one wave that no draw changes."""
+
+    ray: Any
+    light: Any
+    place: Any
+    surface: Any  # window depth of the opaque scene
+
+
+class Count(NamedTuple):
+    """What was done and what was skipped, in waves of N pixels; samples are pixels that received light."""
+
+    sub: int
+    sub_lit: int
+    samples: int
+    main: int
+    main_lit: int
+
+
+@device
+def probe_values(probe, draw, z, u, v, w, mask, drawn, stored):
+    """Write one draw's inputs and stored values, as float64 lanes."""
+    start = draw * len(PROBE) * N
+    one = select(mask, w * 0.0 + 1.0, 0.0)
+    values = (w * 0.0 + z, u, v, w, one, drawn.r, drawn.g, drawn.b, stored.r, stored.g, stored.b)
+    for i in range(len(values)):
+        store(probe, start + i * N, convert(float64, values[i]))
+
+
+@device
+def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, k, s0, s1, h, probe, trace, count):
+    """Blend sub-planes [s0, s1) of slab k into h."""
+    sub_lit, samples = count.sub_lit, count.samples
+    air = spread_int(int32(-1))
+    for s in range(s0, s1):
+        h, mask, lit = draw_sub_plane(arith, form, rules, switches, spot, maps, solids, draws, s, pixel, air, h)
+        if any_lane(mask):
+            sub_lit += 1
+            samples += count_lanes(mask)
+        if trace != 0:
+            z = lift(arith, draws.z[s])
+            probe_values(probe, s + k, z, lit.u, lit.v, lit.w, mask, Colour(lit.r, lit.g, lit.b), h)
+    return h, Count(count.sub + max(s1 - s0, 0), sub_lit, samples, count.main, count.main_lit)
+
+
+@device
+def draw_main_plane(
+    arith, form, rules, switches, slab, slab_switches, q, mesh, quadrature, draws, pixel, k, h, stored, probe, trace, count
+):
+    """Blend ONE, ONE main plane k, f_h c_k q, into the frame's registers."""
+    frame_rules, fast_rules = rules
+    mask = (h.r > 0.0) | (h.g > 0.0) | (h.b > 0.0)
+    mask = mask & (lift(arith, draws.main_depth[k]) < pixel.surface)
+    if switches.skip != 0 and trace == 0 and not any_lane(mask):
+        return stored, Count(count.sub, count.sub_lit, count.samples, count.main + 1, count.main_lit)
+    z = lift(arith, draws.main_z[k])
+    r, g, b = slow_factor(
+        arith, slab, slab_switches, q, mesh, quadrature, pixel.ray, pixel.place, z, k, draws.main_z.size
+    )
+    r = select(mask, r * value(form, fast_rules[0], h.r), 0.0)
+    g = select(mask, g * value(form, channel_rule(form, fast_rules, 1), h.g), 0.0)
+    b = select(mask, b * value(form, channel_rule(form, fast_rules, 2), h.b), 0.0)
+    stored = add_colour(form, frame_rules, stored, r, g, b)
+    if trace != 0:
+        ray, place = pixel.ray, pixel.place
+        u = place.along + ray.length * z
+        probe_values(probe, draws.first[k + 1] + k, z, u, place.v, ray.length, mask, Colour(r, g, b), stored)
+    return stored, Count(count.sub, count.sub_lit, count.samples, count.main + 1, count.main_lit + 1)
+
+
+@kernel
+def beam_planes(
+    frame, fast, depth, counters, probe, arith, form, rules, uniforms, maps, q, mesh, quadrature, solids, draws, window
+):
+    """Draw [window.d0, window.d1) of one light into `frame` and `fast`, both planar (3, height, pitch).
+
+    frame, fast : arrays of the code class `form`; depth : (height, pitch) array of the depth buffer's codes or values;
+    counters : (height, COUNTERS) int64; probe : float64; rules : (frame rules, f_h rules), three channels each.
+    """
+    switches, slab_switches = uniforms.switches, uniforms.slab_switches
+    camera, spot, slab = lift(arith, uniforms.camera), lift(arith, uniforms.spot), lift(arith, uniforms.slab)
+    size = window.height * window.pitch
+    zero = lift(arith, 0.0)
+    for row in range(window.row0, window.row1):
+        count = Count(0, 0, 0, 0, 0)
+        for column in range(window.column0, window.column1, N):
+            p = row * window.pitch + column
+            ray = camera_ray(arith, camera, column, row)
+            pixel = Pixel(
+                ray,
+                light_ray(spot, ray),
+                place(arith, slab, slab_switches, ray, column, row),
+                lift(arith, load(depth, p)),
+            )
+            stored = read_colour(arith, frame, p, size)
+            for k in range(draws.main_z.size):
+                begin, main = draws.first[k] + k, draws.first[k + 1] + k
+                if main < window.d0 or begin >= window.d1:
+                    continue
+                h = Colour(zero, zero, zero)
+                if begin < window.d0:
+                    h = read_colour(arith, fast, p, size)
+                s0, s1 = max(draws.first[k], window.d0 - k), min(draws.first[k + 1], window.d1 - k)
+                h, count = gather_slab(
+                    arith, form, rules[1], switches, spot, maps, solids, draws, pixel, k, s0, s1, h,
+                    probe, window.trace, count,
+                )  # fmt: skip
+                if main + 1 >= window.d1:
+                    write_colour(fast, p, size, h)
+                if main < window.d1:
+                    stored, count = draw_main_plane(
+                        arith, form, rules, switches, slab, slab_switches, q, mesh, quadrature, draws, pixel, k, h,
+                        stored, probe, window.trace, count,
+                    )  # fmt: skip
+            write_colour(frame, p, size, stored)
+        for i in range(len(count)):
+            counters[row, i] += count[i]

@@ -1,0 +1,205 @@
+# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+"""Fragment stage of a main plane: c_k q(u, v), the slowly varying factor f_l of one slab [Dobashi 2002, eq. 9].
+
+u, v and c_k come from the vertices of the plane's mesh, as published (D-E15), or from the pixel's own ray.
+"""
+
+from typing import Any, NamedTuple
+
+from numba import int32
+from numpy.typing import NDArray
+
+from atmoref._jit import device
+from atmoref.buffers.sampler import Texture, bilinear
+from atmoref.lanes import (
+    exp,
+    floor,
+    gather,
+    lift,
+    maximum,
+    minimum,
+    pixels,
+    select,
+    sqrt,
+    spread_int,
+    to_int,
+)
+from atmoref.stages.camera import Ray
+from atmoref.tables.q import q_integral
+
+DT_PAPER, DT_COSINE, DT_EXACT = 0, 1, 2  # D-E6
+
+
+class Slab(NamedTuple):
+    """Uniforms of the fog between two main planes (float; metres)."""
+
+    dt: float
+    sigma_r: float  # extinction, 1/m
+    sigma_g: float
+    sigma_b: float
+    source_r: float  # rho F scale I_0 sigma_s, W/(sr m) (D-E2)
+    source_g: float
+    source_b: float
+    g: float
+    cosine: float  # +1, or -1 for the wrong scattering angle of D-E3
+    scale_u: float  # q table: texture coordinate = scale x + offset
+    offset_u: float
+    scale_v: float
+    offset_v: float
+    range: float  # what 1 in the table means
+    rest: float  # what 1 in the table of the rest means; 0 without one
+    from_x: float  # eye - light, world axes
+    from_y: float
+    from_z: float
+    cross_ax: float  # (eye - light) x direction = ex a + ey b + c: distance of ray and light without cancellation
+    cross_ay: float
+    cross_az: float
+    cross_bx: float
+    cross_by: float
+    cross_bz: float
+    cross_cx: float
+    cross_cy: float
+    cross_cz: float
+    cells_x: float  # mesh cells per image pixel
+    cells_y: float
+
+
+class SlabSwitches(NamedTuple):
+    """Uniform choices of the slab stages (int)."""
+
+    phase: int
+    dt_mode: int
+    exact_q: int
+    rest: int  # a second table holds what does not fit
+    vertex: int  # coordinates from the mesh
+    mesh_x: int
+    mesh_y: int
+    grey: int
+
+
+class QMaps(NamedTuple):
+    """The q table, and the table of what exceeds its range (one texel where there is none)."""
+
+    main: Texture
+    rest: Texture
+
+
+class Mesh(NamedTuple):
+    """Vertex attributes, flat: [plane, vertex] of u, v, and [channel, plane, vertex] of c_k; dummies without a mesh."""
+
+    u: NDArray[Any]
+    v: NDArray[Any]
+    c: NDArray[Any]
+
+
+class Corner(NamedTuple):
+    """Lanes: the triangle a pixel lies in, as vertex indices and barycentric weights."""
+
+    a: Any
+    b: Any
+    c: Any
+    wb: Any
+    wc: Any
+
+
+class Place(NamedTuple):
+    """Lanes that do not change from plane to plane: distance of the ray from the light, u at z = 0, mesh corner."""
+
+    v: Any
+    along: Any
+    corner: Corner
+
+
+@device
+def mesh_corner(arith, cells_x, cells_y, mesh_x, mesh_y, column, row):
+    """The triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
+    x = pixels(arith, int32(column)) * cells_x
+    y = (lift(arith, spread_int(int32(row))) + 0.5) * cells_y
+    i = minimum(floor(x), mesh_x - 1.0)
+    j = minimum(floor(y), mesh_y - 1.0)
+    x, y = x - i, y - j
+    first = to_int(j) * int32(mesh_x + 1) + to_int(i)
+    lower = x + y <= 1.0
+    right, above = first + int32(1), first + int32(mesh_x + 1)
+    a = select(lower, first, above + int32(1))
+    return Corner(
+        a, select(lower, right, above), select(lower, above, right), select(lower, x, 1.0 - x), select(lower, y, 1.0 - y)
+    )
+
+
+@device
+def interpolate(arith, attribute, base, corner):
+    """A vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
+    a = lift(arith, gather(attribute, corner.a + int32(base)))
+    b = lift(arith, gather(attribute, corner.b + int32(base)))
+    c = lift(arith, gather(attribute, corner.c + int32(base)))
+    return a + corner.wb * (b - a) + corner.wc * (c - a)
+
+
+@device
+def place(arith, slab, switches, ray, column, row):
+    """What a pixel's ray has in common for all planes."""
+    cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx
+    cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy
+    cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
+    v = sqrt(cx * cx + cy * cy + cz * cz) / ray.length
+    along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.length
+    corner = mesh_corner(arith, slab.cells_x, slab.cells_y, switches.mesh_x, switches.mesh_y, column, row)
+    return Place(v, along, corner)
+
+
+@device
+def _table(arith, q, channel, slab, switches, u, v):
+    """One channel of q: the table times its range, plus the rest that did not fit."""
+    su = minimum(maximum(u * slab.scale_u + slab.offset_u, 0.0), 1.0)
+    sv = minimum(maximum(v * slab.scale_v + slab.offset_v, 0.0), 1.0)
+    value = bilinear(arith, q.main, channel, su, sv) * slab.range
+    if switches.rest != 0:
+        value = value + bilinear(arith, q.rest, channel, su, sv) * slab.rest
+    return value
+
+
+@device
+def _exact(slab, switches, nodes, weights, sigma, source, u, v, dt):
+    """One channel of q without a table."""
+    return source * q_integral(u, v, dt, sigma, switches.phase, slab.g, slab.cosine, nodes, weights)
+
+
+@device
+def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane, count):
+    """f_l = c_k q(u, v) of main plane `plane` at depth z, three channels."""
+    nodes, weights = quadrature
+    dt = slab.dt + ray.length * 0.0
+    if switches.dt_mode == DT_EXACT:
+        dt = dt * ray.length
+    vertices = (switches.mesh_x + 1) * (switches.mesh_y + 1)
+    if switches.vertex != 0:
+        u = interpolate(arith, mesh.u, plane * vertices, where.corner)
+        v = interpolate(arith, mesh.v, plane * vertices, where.corner)
+        c_r = interpolate(arith, mesh.c, plane * vertices, where.corner)
+        c_g, c_b = c_r, c_r
+        if switches.grey == 0:
+            c_g = interpolate(arith, mesh.c, (count + plane) * vertices, where.corner)
+            c_b = interpolate(arith, mesh.c, (2 * count + plane) * vertices, where.corner)
+    else:
+        u, v = where.along + ray.length * z, where.v
+        t = ray.length * z
+        c_r = exp(t * slab.sigma_r * -1.0)
+        c_g, c_b = c_r, c_r
+        if switches.grey == 0:
+            c_g, c_b = exp(t * slab.sigma_g * -1.0), exp(t * slab.sigma_b * -1.0)
+        if switches.dt_mode == DT_COSINE:
+            c_r, c_g, c_b = c_r * ray.length, c_g * ray.length, c_b * ray.length
+    if switches.exact_q != 0:
+        q_r = _exact(slab, switches, nodes, weights, slab.sigma_r, slab.source_r, u, v, dt)
+    else:
+        q_r = _table(arith, q, 0, slab, switches, u, v)
+    q_g, q_b = q_r, q_r
+    if switches.grey == 0:
+        if switches.exact_q != 0:
+            q_g = _exact(slab, switches, nodes, weights, slab.sigma_g, slab.source_g, u, v, dt)
+            q_b = _exact(slab, switches, nodes, weights, slab.sigma_b, slab.source_b, u, v, dt)
+        else:
+            q_g = _table(arith, q, 1, slab, switches, u, v)
+            q_b = _table(arith, q, 2, slab, switches, u, v)
+    return c_r * q_r, c_g * q_g, c_b * q_b

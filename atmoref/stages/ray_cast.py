@@ -1,0 +1,150 @@
+# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+"""Rays against spheres, boxes and ground planes, in lanes: what a GPU build rasterises, without tessellation."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import int32
+from numpy.typing import NDArray
+
+from atmoref._jit import device, subroutine
+from atmoref.lanes import lift, maximum, minimum, select, spread_int, sqrt
+
+NOTHING = -1
+FAR = 1e30  # metres: farther than any scene, finite in float32
+
+
+class Solids(NamedTuple):
+    """Objects relative to one origin (eye or light), so that differences of large numbers are taken in float64.
+
+    Object i of the scene has the id i; `albedo` is indexed by it.
+    """
+
+    spheres: NDArray[np.float64]  # (n, 4): centre - origin, radius
+    sphere_ids: NDArray[np.int32]
+    boxes: NDArray[np.float64]  # (n, 6): lower corner - origin, upper corner - origin
+    box_ids: NDArray[np.int32]
+    grounds: NDArray[np.float64]  # (n,): height - origin height
+    ground_ids: NDArray[np.int32]
+    albedo: NDArray[np.float64]  # (objects, 3)
+
+
+class Hit(NamedTuple):
+    """Nearest hit of each lane: ray parameter (FAR if none), object id (NOTHING), unit normal towards the outside."""
+
+    t: Any
+    id: Any
+    nx: Any
+    ny: Any
+    nz: Any
+
+
+@device
+def sphere_roots(arith, sphere, dx, dy, dz):
+    """Whether the line meets the sphere, and both parameters; sqrt(d.d r^2 - |c x d|^2) loses no digits far away."""
+    x, y, z = lift(arith, sphere[0]), lift(arith, sphere[1]), lift(arith, sphere[2])
+    radius = lift(arith, sphere[3])
+    along = x * dx + y * dy + z * dz
+    cx, cy, cz = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
+    dd = dx * dx + dy * dy + dz * dz
+    rest = dd * radius * radius - (cx * cx + cy * cy + cz * cz)
+    root = sqrt(maximum(rest, 0.0))
+    return rest > 0.0, (along - root) / dd, (along + root) / dd
+
+
+@device
+def _slab(arith, low, high, d):
+    """Entry and exit parameters of one pair of box planes; a parallel ray inside counts as (-FAR, FAR)."""
+    safe = select((d < 1e-20) & (d > -1e-20), 1e-20, d)
+    a, b = lift(arith, low) / safe, lift(arith, high) / safe
+    return minimum(a, b), maximum(a, b)
+
+
+@device
+def box_roots(arith, box, dx, dy, dz):
+    """Whether the line meets the box, both parameters, and the three entries (for the normal)."""
+    x0, x1 = _slab(arith, box[0], box[3], dx)
+    y0, y1 = _slab(arith, box[1], box[4], dy)
+    z0, z1 = _slab(arith, box[2], box[5], dz)
+    enter = maximum(maximum(x0, y0), z0)
+    leave = minimum(minimum(x1, y1), z1)
+    return enter < leave, enter, leave, x0, y0, z0
+
+
+@device
+def ground_root(arith, height, dy):
+    """The parameter at which a ray meets the plane y = height; FAR when parallel."""
+    parallel = (dy < 1e-20) & (dy > -1e-20)
+    return select(parallel, FAR, lift(arith, height) / select(parallel, 1e-20, dy))
+
+
+@device
+def _first(enter, leave):
+    """The nearer parameter ahead of the origin (an origin inside sees the exit)."""
+    return select(enter > 0.0, enter, leave)
+
+
+@device
+def between(meets, enter, leave):
+    """Does the object cut the open segment from parameter 0 to 1?"""
+    t = _first(enter, leave)
+    return meets & (t > 0.0) & (t < 1.0)
+
+
+@subroutine
+def occluded(arith, solids, dx, dy, dz, own):
+    """Mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility."""
+    blocked = own < spread_int(int32(-2))
+    for i in range(solids.spheres.shape[0]):
+        meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
+        blocked = blocked | (between(meets, enter, leave) & (own != spread_int(solids.sphere_ids[i])))
+    for i in range(solids.boxes.shape[0]):
+        meets, enter, leave, _, _, _ = box_roots(arith, solids.boxes[i], dx, dy, dz)
+        blocked = blocked | (between(meets, enter, leave) & (own != spread_int(solids.box_ids[i])))
+    for i in range(solids.grounds.shape[0]):
+        t = ground_root(arith, solids.grounds[i], dy)
+        blocked = blocked | ((t > 0.0) & (t < 1.0) & (own != spread_int(solids.ground_ids[i])))
+    return blocked
+
+
+@device
+def _sign(test, d):
+    """The outward normal's component on the box axis that `test` says was entered."""
+    return select(test, select(d > 0.0, d * 0.0 - 1.0, d * 0.0 + 1.0), 0.0)
+
+
+@device
+def nearest_hit(arith, solids, dx, dy, dz):
+    """The nearest object ahead of the origin along d (not necessarily a unit vector)."""
+    zero = dx * 0.0
+    t, nx, ny, nz = zero + FAR, zero, zero, zero
+    found = spread_int(int32(NOTHING))
+    for i in range(solids.spheres.shape[0]):
+        meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
+        s = _first(enter, leave)
+        nearer = meets & (s > 0.0) & (s < t)
+        scale = lift(arith, 1.0 / solids.spheres[i, 3])
+        t = select(nearer, s, t)
+        found = select(nearer, spread_int(solids.sphere_ids[i]), found)
+        nx = select(nearer, (dx * s - lift(arith, solids.spheres[i, 0])) * scale, nx)
+        ny = select(nearer, (dy * s - lift(arith, solids.spheres[i, 1])) * scale, ny)
+        nz = select(nearer, (dz * s - lift(arith, solids.spheres[i, 2])) * scale, nz)
+    for i in range(solids.boxes.shape[0]):
+        meets, enter, leave, x0, y0, z0 = box_roots(arith, solids.boxes[i], dx, dy, dz)
+        s = _first(enter, leave)
+        nearer = meets & (s > 0.0) & (s < t)
+        on_x = x0 >= maximum(y0, z0)
+        on_y = (y0 >= z0) & ~on_x
+        t = select(nearer, s, t)
+        found = select(nearer, spread_int(solids.box_ids[i]), found)
+        nx = select(nearer, _sign(on_x, dx), nx)
+        ny = select(nearer, _sign(on_y, dy), ny)
+        nz = select(nearer, _sign(~(on_x | on_y), dz), nz)
+    for i in range(solids.grounds.shape[0]):
+        s = ground_root(arith, solids.grounds[i], dy)
+        nearer = (s > 0.0) & (s < t)
+        t = select(nearer, s, t)
+        found = select(nearer, spread_int(solids.ground_ids[i]), found)
+        nx, nz = select(nearer, 0.0, nx), select(nearer, 0.0, nz)
+        ny = select(nearer, select(dy > 0.0, zero - 1.0, zero + 1.0), ny)
+    return Hit(t, found, nx, ny, nz)

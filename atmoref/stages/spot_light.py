@@ -1,0 +1,146 @@
+# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+"""The fragment stage that every lit pass shares: light map and shadow map projected onto a point of a view ray.
+
+A point of the ray is eye + z d.  The spot's texture coordinates are (u, v, w) = rows z + offsets, divided by w, with
+w the depth along the light's axis; u and v run from 0 to 1 over the square that holds the outer cone.  Shadow maps store
+window depth as the hardware does, a - b / w.  Exact visibility and exact distribution replace the two maps in the method's
+own analysis.
+"""
+
+from typing import Any, NamedTuple
+
+from atmoref._jit import device
+from atmoref.buffers.sampler import Texture, bilinear, bilinear3, shadow_compare
+from atmoref.lanes import any_lane, atan2, maximum, minimum, select, sqrt
+from atmoref.stages.ray_cast import occluded
+
+SMOOTHSTEP_COSINE, LINEAR_ANGLE, NO_FALLOFF = 0, 1, 2
+
+
+class Spot(NamedTuple):
+    """Uniforms of one spotlight as one camera sees it (all float; metres, radians)."""
+
+    u_x: float  # (u w) = (ex u_x + ey u_y + u_z) z + u_0, the texture matrix times the camera's
+    u_y: float
+    u_z: float
+    u_0: float
+    v_x: float
+    v_y: float
+    v_z: float
+    v_0: float
+    w_x: float
+    w_y: float
+    w_z: float
+    w_0: float
+    from_x: float  # eye - light, world axes
+    from_y: float
+    from_z: float
+    least_w: float  # w below it is behind the light
+    depth_a: float
+    depth_b: float
+    bias: float  # depth_b times the shadow bias in metres: d(window depth) = bias / w^2
+    peak: float
+    tan_outer: float
+    cos_outer: float
+    inverse_cos_span: float
+    outer: float
+    inverse_span: float
+
+
+class Switches(NamedTuple):
+    """What a scene asks for, uniform over a pass (int: 0 or 1, except `falloff`)."""
+
+    exact_visibility: int
+    exact_distribution: int
+    falloff: int
+    grey_light: int  # the light map's channels are equal
+    grey_fog: int  # extinction and rho F of the channels are equal
+    skip: int
+
+
+class Maps(NamedTuple):
+    """Textures of one spotlight."""
+
+    shadow: Texture
+    light: Texture
+
+
+class LightRay(NamedTuple):
+    """Texture coordinates times w per unit of z, for one lane of rays."""
+
+    u: Any
+    v: Any
+    w: Any
+
+
+class Lit(NamedTuple):
+    """What a point receives: mask, colour I_l H per channel, and the coordinates it was read at."""
+
+    mask: Any
+    r: Any
+    g: Any
+    b: Any
+    u: Any
+    v: Any
+    w: Any
+
+
+@device
+def light_ray(spot, ray):
+    """Rows of the light's projection that belong to these rays; spot is lifted."""
+    return LightRay(
+        ray.ex * spot.u_x + ray.ey * spot.u_y + spot.u_z,
+        ray.ex * spot.v_x + ray.ey * spot.v_y + spot.v_z,
+        ray.ex * spot.w_x + ray.ey * spot.w_y + spot.w_z,
+    )
+
+
+@device
+def _falloff(switches, spot, u, v, w, distance):
+    """I_l(direction) in closed form (D-E14: at most 1)."""
+    if switches.falloff == LINEAR_ANGLE:
+        x, y = (u * 2.0 - 1.0) * spot.tan_outer, (v * 2.0 - 1.0) * spot.tan_outer
+        angle = atan2(sqrt(x * x + y * y), x * 0.0 + 1.0)
+        part = minimum(maximum((spot.outer - angle) * spot.inverse_span, 0.0), 1.0)
+        return spot.peak * part
+    part = minimum(maximum((w / distance - spot.cos_outer) * spot.inverse_cos_span, 0.0), 1.0)
+    return spot.peak * (part * part * (3.0 - part * 2.0))
+
+
+@device
+def _visible(arith, switches, spot, maps, solids, ray, z, own, u, v, iw):
+    """H: 0 or 1, or a fraction from percentage-closer filtering."""
+    if switches.exact_visibility != 0:
+        dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
+        return select(occluded(arith, solids, dx, dy, dz, own), iw * 0.0, 1.0)
+    reference = spot.depth_a - (spot.depth_b + spot.bias * iw) * iw
+    return shadow_compare(arith, maps.shadow, u, v, reference)
+
+
+@device
+def illuminate(arith, switches, spot, maps, solids, ray, light, z, own):
+    """I_l H at eye + z d; `own` is the object a surface point belongs to (it cannot shadow itself), -1 in the air."""
+    zero = light.w * 0.0
+    w = light.w * z + spot.w_0
+    iw = (zero + 1.0) / maximum(w, spot.least_w)
+    u = (light.u * z + spot.u_0) * iw
+    v = (light.v * z + spot.v_0) * iw
+    mask = (w >= spot.least_w) & (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
+    if switches.skip != 0 and not any_lane(mask):
+        return Lit(mask, zero, zero, zero, u, v, w)
+    us, vs = minimum(maximum(u, 0.0), 1.0), minimum(maximum(v, 0.0), 1.0)
+    visible = _visible(arith, switches, spot, maps, solids, ray, z, own, us, vs, iw)
+    mask = mask & (visible > 0.0)
+    if switches.skip != 0 and not any_lane(mask):
+        return Lit(mask, zero, zero, zero, u, v, w)
+    if switches.exact_distribution != 0:
+        dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
+        distance = sqrt(dx * dx + dy * dy + dz * dz)
+        r = select(mask, _falloff(switches, spot, us, vs, w, distance) * visible, zero)
+        return Lit(mask, r, r, r, u, v, w)
+    if switches.grey_light != 0:
+        r = select(mask, bilinear(arith, maps.light, 0, us, vs) * visible, zero)
+        return Lit(mask, r, r, r, u, v, w)
+    r, g, b = bilinear3(arith, maps.light, us, vs)
+    r, g, b = r * visible, g * visible, b * visible
+    return Lit(mask, select(mask, r, zero), select(mask, g, zero), select(mask, b, zero), u, v, w)

@@ -1,0 +1,125 @@
+"""Light beams by the previous method [Dobashi 2002, sec. 4.1]: many planes, g dt at the vertices, no tables.
+
+Kept because the artefacts that the paper repairs are its own: ghost shadows with few planes, pseudo-contours with many.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atmoref.elementary import exp
+from atmoref.numerics.vectors import dot, minus
+from atmoref.optics.phase_functions import PHASE_FUNCTIONS, evaluate
+from atmoref.pipeline import Bank, Pass
+from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms
+from atmoref.stages.vertex_planes import VertexDraws, vertex_planes
+from atmoref.techniques import beams
+from atmoref.techniques.beam_plan import base_distance, extent
+from atmoref.techniques.beams_parameters import BeamsVertexParameters
+from atmoref.techniques.opaque_passes import (
+    Spotlight,
+    Stage,
+    opaque_passes,
+    shadow_far,
+    shadow_passes,
+    spotlight,
+)
+from atmoref.techniques.setting import Setting
+from atmoref.techniques.spotlights import LightFrame, camera_uniforms
+
+NAME = "beams_vertex"
+Parameters = BeamsVertexParameters
+_PAPER = {
+    "frame": "unorm8", "light_map": "unorm8", "vertex_colour": "unorm8", "depth": "depth24", "shadow_map": "depth24",
+}  # fmt: skip
+BUFFERS: dict[str, dict[str, str]] = {
+    "paper": _PAPER, "corrected": _PAPER, "analysis": dict.fromkeys(_PAPER, "float64"),
+}  # fmt: skip
+
+
+def plane_depths(near_m: float, far_m: float, params: BeamsVertexParameters) -> tuple[NDArray[np.float64], float]:
+    """Return the depths of the planes and their spacing, metres; none when the pyramid has no extent."""
+    if far_m <= near_m:
+        return np.zeros(0), 1.0
+    dt = (far_m - near_m) / params.planes
+    shift = 0.5 if params.plane_positions == "mid" else 0.0
+    return near_m + dt * (np.arange(params.planes) + shift), dt
+
+
+def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: float) -> NDArray[np.float64]:
+    """Return g dt at the mesh vertices of every plane as stored colours, flat [channel, plane, vertex] [eq. 3]."""
+    scene, params = stage.scene, stage.params
+    if params.coordinates != "vertex" or not len(z):
+        return np.zeros(1)
+    ex, ey = beams.mesh_rays(scene, params.mesh)
+    (right, up, forward), offset = scene.camera.basis(), minus(scene.camera.position_m, spot.frame.position)
+    span = np.sqrt(1.0 + ex * ex + ey * ey)
+    direction = [ex * right[i] + ey * up[i] + forward[i] for i in range(3)]
+    p = [direction[i] * z[:, None] + offset[i] for i in range(3)]
+    distance = np.maximum(np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]), 1e-6)
+    mu = -(direction[0] * p[0] + direction[1] * p[1] + direction[2] * p[2]) / (distance * span)
+    phase, sign = scene.medium.phase_function, -1.0 if params.scattering_angle == "backward" else 1.0
+    common = evaluate(PHASE_FUNCTIONS[phase.type], phase.g, sign * mu) / (distance * distance) * dt_m
+    if params.dt_mode != "paper":
+        common = common * span
+    channels = range(1 if spot.switches.grey_fog else 3)
+    path = distance + z[:, None] * span
+    colours = [common * spot.sources[i] * exp(-scene.medium.extinction_per_m[i] * path) for i in channels]
+    return beams.encoded(stage.setting, "vertex_colour", np.stack(colours)).ravel()
+
+
+def planes_pass(
+    stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: float, counters: NDArray[np.int64], probe: Any
+) -> Pass:
+    """Return the pass that draws all planes of one light."""
+    setting, scene, params = stage.setting, stage.scene, stage.params
+    slab = beams.slab_uniforms(scene, spot, params, dt_m, (0.0,) * 6)
+    choices = beams.slab_switches(scene, spot, params, exact_q=False, rest=False)
+    uniforms = BeamUniforms(camera_uniforms(scene), spot.uniforms, slab, spot.switches, choices)
+    draws = VertexDraws(z, beams.window_codes(scene, z, setting.formats["depth"]))
+    colours = vertex_colours(stage, spot, z, dt_m)
+    frame, depth, rules = stage.bank["frame"], stage.bank["depth"], setting.rules("frame")
+
+    def execute(d0: int, d1: int, row0: int, row1: int) -> None:
+        trace = probe is not None
+        vertex_planes(
+            frame.data, depth.data, counters, probe if trace else np.zeros(1), setting.arith, setting.form, rules,
+            uniforms, spot.textures(), colours, spot.solids, draws, stage.window(d0, d1, row0, row1, trace=trace),
+        )  # fmt: skip
+
+    names = tuple(f"{spot.prefix}/plane_{k:03d}" for k in range(len(z)))
+    return Pass(f"{spot.prefix}/planes", names, frame.height, execute, ("frame",) * len(z), stage.rows())
+
+
+def build(
+    setting: Setting, params: BeamsVertexParameters, *, trace: bool = False
+) -> tuple[list[Pass], Bank, dict[str, Any]]:
+    """Return the passes of a scene, their buffers, and what was decided; see `beams.build`."""
+    scene, bank = setting.scene, Bank()
+    stage = Stage(setting, params, bank)
+    setting.target(bank, "frame", "frame", scene.image.width, scene.image.height)
+    setting.depth_target(bank, "depth", "depth", scene.image.width, scene.image.height)
+    passes: list[Pass] = []
+    bases = []
+    for index, light in enumerate(scene.lights):
+        bases.append(base_distance(scene, LightFrame.of(light), params, index))
+        far = shadow_far(scene, light, bases[-1])
+        stage.spots.append(spotlight(stage, index, far))
+        passes += shadow_passes(stage, stage.spots[-1], far)
+    passes += opaque_passes(stage)
+    report: dict[str, Any] = {"lights": [], "counters": [], "probe": []}
+    for spot, base_m in zip(stage.spots, bases, strict=True):
+        near, far = extent(scene, spot.frame, base_m, params.bounds)
+        z, dt = plane_depths(near, far, params)
+        counters = np.zeros((scene.image.height, COUNTERS), np.int64)
+        probe = np.zeros(max(len(z), 1) * len(PROBE) * beams.wave()) if trace else None
+        passes.append(planes_pass(stage, spot, z, dt, counters, probe))
+        report["counters"].append(counters)
+        report["probe"].append(probe)
+        report["lights"].append(
+            {"interval_m": dt, "main_planes": len(z), "sub_planes": 0, "depth_m": [near, far], "base_distance_m": base_m}
+        )
+    return passes, bank, report

@@ -1,0 +1,177 @@
+"""Passes that both light-beam techniques share: shadow maps, their upload as textures, the opaque scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from atmoref.buffers.blend import Mixed
+from atmoref.buffers.sampler import Texture, texture
+from atmoref.numerics.vectors import Vec3, minus
+from atmoref.pipeline import Bank, Pass
+from atmoref.scene import Scene
+from atmoref.stages.beam_planes import Window
+from atmoref.stages.opaque import OpaqueUniforms, opaque_base, opaque_light
+from atmoref.stages.ray_cast import Solids
+from atmoref.stages.shadow_map import shadow_map
+from atmoref.stages.spot_light import Maps, Spot, Switches
+from atmoref.techniques.setting import Setting
+from atmoref.techniques.spotlights import (
+    LightFrame,
+    all_equal,
+    camera_uniforms,
+    solids,
+    source,
+    surface_uniforms,
+    switches,
+)
+
+if TYPE_CHECKING:
+    from atmoref.scene import Spot as SceneSpot
+    from atmoref.techniques.beams_parameters import SpotlightParameters
+
+
+@dataclass(slots=True)
+class Spotlight:
+    """One light of a render: its frame, its uniforms, and its textures once they have been drawn."""
+
+    index: int
+    light: SceneSpot
+    frame: LightFrame
+    sources: Vec3
+    uniforms: Spot
+    switches: Switches
+    solids: Solids
+    maps: Maps | None = None
+
+    @property
+    def prefix(self) -> str:
+        """Start of the names of its draws and buffers."""
+        return f"light_{self.index}"
+
+    def textures(self) -> Maps:
+        """Return shadow map and light map; they exist after the upload pass."""
+        if self.maps is None:
+            raise RuntimeError(f"{self.prefix}: its textures are read before the upload pass")
+        return self.maps
+
+
+@dataclass(slots=True)
+class Stage:
+    """What passes of one render share."""
+
+    setting: Setting
+    params: SpotlightParameters
+    bank: Bank
+    spots: list[Spotlight] = field(default_factory=list)
+
+    @property
+    def scene(self) -> Scene:
+        """The question."""
+        return self.setting.scene
+
+    def window(self, d0: int, d1: int, row0: int, row1: int, *, trace: bool = False) -> Window:
+        """Return the uniforms of one call."""
+        column0, column1, _, _ = self.setting.window()
+        frame = self.bank["frame"]
+        return Window(column0, column1, row0, row1, frame.height, frame.pitch, d0, d1, int(trace))
+
+    def rows(self) -> tuple[int, int]:
+        """Return the rows to draw."""
+        return self.setting.window()[2:]
+
+
+def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
+    """Return one light of the scene, ready for its passes; `far_m` is the far plane of its shadow map."""
+    scene, params = stage.scene, stage.params
+    light = scene.lights[index]
+    frame = LightFrame.of(light)
+    sources = source(scene, light, params)
+    grey_fog = all_equal(sources, scene.medium.extinction_per_m)
+    same_rules = len(set(stage.setting.rules("f_h" if "f_h" in stage.setting.formats else "frame"))) == 1
+    return Spotlight(
+        index, light, frame, sources, frame.uniforms(scene, params, far_m),
+        switches(frame, params, same_rules, grey_fog), solids(scene, light.position_m),
+    )  # fmt: skip
+
+
+def shadow_far(scene: Scene, light: SceneSpot, base_m: float) -> float:
+    """Return the far plane of a light's shadow map: behind the pyramid's base and every bounded object's far side."""
+    farthest = base_m * 1.05
+    axis = light.axis()
+    for item in scene.objects:
+        if item.type == "sphere":
+            away = minus(item.center_m, light.position_m)
+            farthest = max(farthest, away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] + item.radius_m)
+        elif item.type == "box":
+            low, high = minus(item.min_m, light.position_m), minus(item.max_m, light.position_m)
+            farthest = max(farthest, sum(max(a * n, b * n) for a, b, n in zip(low, high, axis, strict=True)))
+    return farthest
+
+
+def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
+    """Return the passes that make one light's shadow map and light map and hand them to the texture units."""
+    setting, params = stage.setting, stage.params
+    passes: list[Pass] = []
+    shadow_key, light_key = f"{spot.prefix}/shadow_map", f"{spot.prefix}/light_map"
+    if params.visibility == "shadow_map":
+        size = params.shadow_map_size
+        buffer = setting.depth_target(stage.bank, "shadow_map", shadow_key, size, size)
+        uniforms = spot.frame.shadow_uniforms(size, params.shadow_near_m, far_m)
+        depth_rule = setting.rules("shadow_map")[0]
+
+        def draw(d0: int, d1: int, row0: int, row1: int) -> None:
+            shadow_map(
+                buffer.data, setting.arith, Mixed(), depth_rule, uniforms, spot.solids, buffer.pitch, size, row0, row1
+            )
+
+        passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
+    if params.light_distribution == "light_map":
+        setting.image(stage.bank, "light_map", light_key, spot.frame.distribution(params.light_map_size))
+
+    def upload(d0: int, d1: int, row0: int, row1: int) -> None:
+        bank = stage.bank
+        blank = texture(np.ones((1, 1)), setting.formats["depth"], setting.device, setting.dtype, filter="exact")
+        shadow = setting.texture(bank[shadow_key], params.shadow_filter) if shadow_key in bank else blank
+        light = setting.texture(bank[light_key]) if light_key in bank else blank
+        spot.maps = Maps(shadow, light)
+
+    name = f"{spot.prefix}/upload"
+    passes.append(Pass(name, (name,), 1, upload, (light_key,)))
+    return passes
+
+
+def opaque_passes(stage: Stage) -> list[Pass]:
+    """Return the passes of the opaque scene: depth and ambient term, then one additive pass a light."""
+    setting, scene = stage.setting, stage.scene
+    eye_solids = solids(scene, scene.camera.position_m)
+    frame, depth = stage.bank["frame"], stage.bank["depth"]
+    camera = camera_uniforms(scene)
+    frame_rules, depth_rule = setting.rules("frame"), setting.rules("depth")[0]
+    blocks = {}
+    for spot in stage.spots:
+        surface, choices = surface_uniforms(scene, spot.light, stage.params)
+        blocks[spot.index] = OpaqueUniforms(camera, spot.uniforms, surface, spot.switches, choices)
+
+    def base(d0: int, d1: int, row0: int, row1: int) -> None:
+        opaque_base(
+            frame.data, depth.data, setting.arith, (setting.form, Mixed()), (frame_rules, depth_rule),
+            blocks[0], eye_solids, stage.window(d0, d1, row0, row1),
+        )  # fmt: skip
+
+    passes = [Pass("opaque", ("opaque",), frame.height, base, ("frame",), stage.rows())]
+    if not scene.objects:
+        return passes
+    for spot in stage.spots:
+
+        def light(d0: int, d1: int, row0: int, row1: int, spot: Spotlight = spot) -> None:
+            opaque_light(
+                frame.data, setting.arith, setting.form, frame_rules, blocks[spot.index], spot.textures(), eye_solids,
+                spot.solids, stage.window(d0, d1, row0, row1),
+            )  # fmt: skip
+
+        name = f"{spot.prefix}/opaque"
+        passes.append(Pass(name, (name,), frame.height, light, ("frame",), stage.rows()))
+    return passes

@@ -1,0 +1,177 @@
+"""How one render stores and computes: formats, code class, arithmetic, device, window.  Shared by all techniques."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atmoref.buffers.blend import Mixed
+from atmoref.buffers.device import DEVICES, Device, Rounding, Rule, rule
+from atmoref.buffers.formats import FORMATS, Format
+from atmoref.buffers.layout import Buffer, CodeClass, allocate, code_class, needed_bytes
+from atmoref.buffers.sampler import Texture, texture
+from atmoref.lanes import Double, N, Single
+from atmoref.pipeline import Bank
+from atmoref.scene import Scene, SceneError
+from atmoref.scene.errors import nearest
+
+Crop = tuple[int, int, int, int]
+Arithmetic = Literal["float32", "float64"]
+
+
+class OutOfMemory(MemoryError):
+    """More memory would be needed than is allowed; raised before anything is allocated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Formats by buffer name, and what kernels are compiled and run with."""
+
+    scene: Scene
+    formats: Mapping[str, Format]
+    arithmetic: Arithmetic
+    device: Device
+    rounding: Rounding | None
+    form: CodeClass
+    crop: Crop | None
+    max_bytes: int | None
+
+    @property
+    def arith(self) -> Single | Double:
+        """The tag of the lanes."""
+        return Double() if self.arithmetic == "float64" else Single()
+
+    @property
+    def dtype(self) -> type[np.floating[Any]]:
+        """The element type of the lanes."""
+        return np.float64 if self.arithmetic == "float64" else np.float32
+
+    def rules(self, name: str) -> tuple[Rule, Rule, Rule]:
+        """Return the rules of a buffer's three channels."""
+        fmt = self.formats[name]
+        a, b, c = (rule(fmt, self.device, self._rounding(fmt), channel) for channel in range(3))
+        return a, b, c
+
+    def _rounding(self, fmt: Format) -> Rounding | None:
+        return self.rounding if fmt.kind == "unorm" else None
+
+    def target(self, bank: Bank, name: str, key: str, width: int, height: int, channels: int = 3) -> Buffer:
+        """Allocate a render target of the frame's code class and enter it as `key`."""
+        return self._allocate(bank, name, key, width, height, channels, self.form)
+
+    def depth_target(self, bank: Bank, name: str, key: str, width: int, height: int) -> Buffer:
+        """Allocate a depth buffer: always of class Mixed, so that kernels have one type of it."""
+        return self._allocate(bank, name, key, width, height, 1, Mixed())
+
+    def _allocate(
+        self, bank: Bank, name: str, key: str, width: int, height: int, channels: int, form: CodeClass
+    ) -> Buffer:
+        needed = needed_bytes(width, height, channels, form, self.arithmetic)
+        held = sum(b.data.nbytes for b in bank.values())
+        if self.max_bytes is not None and held + needed > self.max_bytes:
+            raise OutOfMemory(
+                f"{self.scene.origin}: buffer {key} ({width} x {height}) would bring the buffers to "
+                f"{(held + needed) / 1e6:.1f} MB; allowed: {self.max_bytes / 1e6:.1f} MB (--max-memory)"
+            )
+        bank[key] = allocate(key, self.formats[name], width, height, channels, form, self.arithmetic)
+        return bank[key]
+
+    def image(self, bank: Bank, name: str, key: str, values: NDArray[np.float64]) -> Buffer:
+        """Enter a texture that the host computed, (H, W) or (H, W, C), row 0 at v = 0, encoded by the device."""
+        texels = values if values.ndim == 3 else values[..., None]
+        height, width, channels = texels.shape
+        buffer = self._allocate(bank, name, key, width, height, channels, Mixed())
+        buffer.put(texels[::-1], self.device, self._rounding(self.formats[name]))
+        return buffer
+
+    def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Texture:
+        """Return a buffer as a texture."""
+        return texture(buffer.codes()[::-1], buffer.format, self.device, self.dtype, compare=compare)
+
+    def window(self) -> tuple[int, int, int, int]:
+        """Return columns and rows to draw, row 0 at the bottom; the first column is a multiple of the lane width."""
+        width, height = self.scene.image.width, self.scene.image.height
+        if self.crop is None:
+            return 0, width, 0, height
+        x, y, w, h = self.crop
+        return x // N * N, x + w, height - y - h, height - y
+
+
+def check_crop(scene: Scene, crop: Crop | None) -> None:
+    """Refuse a crop that is not inside the image.
+
+    Raises
+    ------
+    SceneError
+    """
+    if crop is None:
+        return
+    x, y, w, h = crop
+    width, height = scene.image.width, scene.image.height
+    if w < 1 or h < 1 or x < 0 or y < 0 or x + w > width or y + h > height:
+        raise SceneError(
+            f"{scene.origin}: crop: found x {x}, y {y}, {w} x {h}; allowed: inside the {width} x {height} image, "
+            f"at least 1 x 1 pixel"
+        )
+
+
+def make_setting(
+    scene: Scene, defaults: Mapping[str, str], arithmetic: Arithmetic, crop: Crop | None, max_bytes: int | None
+) -> Setting:
+    """Return the setting of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    defaults : mapping of buffer name to format name
+        `frame` and those that a scene may set under [buffers.NAME]; the value "frame" follows the frame.
+    arithmetic : str
+        Of the preset; the scene may override it.
+    crop : (x, y, width, height) or None
+    max_bytes : int or None
+
+    Raises
+    ------
+    SceneError
+        Unknown buffer name, or a format that a buffer cannot have.
+    """
+    asked = scene.buffers
+    names = dict(defaults)
+    if asked.format is not None:
+        names["frame"] = asked.format
+    for name, entry in asked.per_buffer.items():
+        if name not in defaults or name == "frame":
+            known = [n for n in defaults if n != "frame"]
+            raise SceneError(
+                f"{scene.origin}: buffers.{name}: no such buffer{nearest(name, known)}; "
+                f"allowed: {', '.join(known)}, and buffers.format for the frame"
+            )
+        names[name] = entry.format
+    formats = {n: FORMATS[names["frame"] if f == "frame" else f] for n, f in names.items()}
+    for name in formats:
+        _check_format(scene, name, formats[name])
+    chosen = cast(Arithmetic, asked.arithmetic or arithmetic)
+    device = DEVICES[asked.device]
+    if asked.rounding is not None and not device.rounding_is_open:
+        raise SceneError(
+            f"{scene.origin}: buffers.rounding: found {asked.rounding!r}; device {device.name} decides its rounding "
+            f"itself; allowed: no rounding, or device ideal, geforce3 or geforce_fx"
+        )
+    blended = [formats[n] for n in ("frame", "f_h") if n in formats]
+    return Setting(
+        scene, formats, chosen, device, asked.rounding, code_class(blended, chosen), crop, max_bytes
+    )  # fmt: skip
+
+
+def _check_format(scene: Scene, name: str, fmt: Format) -> None:
+    depth = ("depth", "shadow_map")
+    allowed = [f for f in FORMATS if (name in depth) == (f in ("depth24", "float32", "float64", "unorm16"))]
+    if name not in depth:
+        allowed = [f for f in FORMATS if f != "depth24"]
+    if fmt.name not in allowed:
+        key = "buffers.format" if name == "frame" else f"buffers.{name}.format"
+        raise SceneError(f"{scene.origin}: {key}: found {fmt.name!r}; allowed: {', '.join(allowed)}")
