@@ -247,6 +247,21 @@ def test_encode_has_the_bits_of_the_array_function(real):
                             assert not np.signbit(got[got == 0]).any(), name
 
 
+@pytest.mark.parametrize("name", UNORM_NAMES)
+def test_kernels_encode_every_tie_as_the_formula_does(name):
+    fmt = FORMATS[name]
+    x = near_ties(fmt.top)
+    product = np.clip(x, 0, 1) * np.float32(fmt.top)
+    expected = {"ideal": np.rint(product), "geforce3": np.floor(product)}
+    expected["geforce_fx"] = np.floor(product + np.float32(0.5))
+    through = np.rint(np.clip(x, 0, 1) * np.float32(65535)).astype(np.int64) >> 6
+    expected["gl_llvmpipe"] = through if name == "unorm10" else expected["ideal"]
+    zeros = np.zeros(x.size, np.uint16)
+    for device, codes in expected.items():
+        got = run(ENCODE, "float32", Unorm(), rule(fmt, DEVICES[device]), zeros, x)
+        np.testing.assert_array_equal(got, codes, err_msg=device)
+
+
 @pytest.mark.parametrize("device", DEVICES.values(), ids=lambda d: d.name)
 def test_value_of_every_code_in_every_class(device):
     for name in UNORM_NAMES:

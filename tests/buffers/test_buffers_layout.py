@@ -58,7 +58,7 @@ def test_what_is_handed_out_is_a_copy():
     assert not buffer.data.any()
 
 
-@pytest.mark.parametrize("width", [1, N - 1, N, N + 1, 300])
+@pytest.mark.parametrize("width", [1, 2, N, N + 1, 300])
 def test_rows_are_filled_up_to_whole_waves(width):
     assert row_pitch(width) % N == 0
     assert width <= row_pitch(width) < width + N
@@ -115,7 +115,7 @@ def test_sizes_are_refused_before_anything_is_allocated(size, message):
 def test_memory_and_classes_are_checked():
     with pytest.raises(MemoryError, match="needs"):
         allocate("frame", FORMATS["unorm8"], 1 << 14, 1 << 14, 4, Unorm(), "float32", max_bytes=1 << 20)
-    with pytest.raises(ValueError, match="class Unorm hold .*, not float32"):
+    with pytest.raises(ValueError, match=r"class Unorm hold .*, not float32"):
         allocate("frame", FORMATS["float32"], 1, 1, 1, Unorm(), "float32")
     with pytest.raises(ValueError, match="not depth24"):
         allocate("frame", FORMATS["depth24"], 1, 1, 1, Unorm(), "float32")
