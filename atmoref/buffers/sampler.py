@@ -93,6 +93,24 @@ def _codes(texels: NDArray[Any], fmt: Format, device: Device) -> NDArray[Any]:
     return np.stack([encode(t, fmt, device, channel=c) for c, t in enumerate(texels)])
 
 
+def _chosen_filter(fmt: Format, device: Device, filter: Filter | None) -> Filter:
+    """Return the filter asked for, or the device's for this format."""
+    chosen = filter or (device.bytes_filter if fmt.name == "unorm8" else device.filter)
+    if chosen not in MODES:
+        raise ValueError(f"filter is {chosen!r}, allowed: {', '.join(MODES)}")
+    if chosen == "bytes" and fmt.name != "unorm8":
+        raise ValueError(f"filter 'bytes' reads 8-bit codes, format {fmt.name} has none")
+    return chosen
+
+
+def _packed(codes: NDArray[Any]) -> NDArray[np.int32]:
+    """Return (C, ...) codes of 8 bits as flat RGBA8, red in the low byte."""
+    words = np.zeros(codes[0].size, np.uint32)
+    for c, channel in enumerate(codes):
+        words |= channel.ravel().astype(np.uint32) << np.uint32(8 * c)
+    return words.view(np.int32)
+
+
 def texture(
     values_or_codes: ArrayLike,
     fmt: Format,
@@ -129,13 +147,9 @@ def texture(
     real = np.dtype(arith_dtype)
     if real not in (np.float32, np.float64):
         raise ValueError(f"textures are read in float32 or float64, not in {real}")
-    chosen = filter or (device.bytes_filter if fmt.name == "unorm8" else device.filter)
-    if chosen not in MODES:
-        raise ValueError(f"filter is {chosen!r}, allowed: {', '.join(MODES)}")
+    chosen = _chosen_filter(fmt, device, filter)
     if compare not in ("nearest", "pcf"):
         raise ValueError(f"compare is {compare!r}, allowed: nearest, pcf")
-    if chosen == "bytes" and fmt.name != "unorm8":
-        raise ValueError(f"filter 'bytes' reads 8-bit codes, format {fmt.name} has none")
     texels = _channels_first(values_or_codes, volume)
     channels, depth, height, width = texels.shape
     if chosen == "bytes" and max(depth, height, width) >= 1 << 14:
@@ -146,18 +160,12 @@ def texture(
     if channels * plane >= 1 << 31:
         raise ValueError(f"a texture of shape {texels.shape} has more elements than a 32-bit index reaches")
     codes = np.pad(_codes(texels, fmt, device), padding, mode="edge")
-    packed = np.zeros(1, np.uint32)
-    if chosen == "bytes":
-        packed = np.zeros(plane, np.uint32)
-        for c in range(channels):
-            packed |= codes[c].ravel().astype(np.uint32) << np.uint32(8 * c)
+    packed = _packed(codes) if chosen == "bytes" else np.zeros(1, np.int32)
     data = np.ascontiguousarray(decode_as(codes, fmt, device, real).ravel())
     clamps = device.clamp_shadow_reference and fmt.kind == "unorm"
     mode = MODES[chosen]
     factors = decode_factors(fmt, device) if fmt.kind == "unorm" else (1.0, 0.0)
-    return Texture(
-        data, packed.view(np.int32), width, height, depth, row, slab, plane, mode, compare == "pcf", clamps, *factors
-    )
+    return Texture(data, packed, width, height, depth, row, slab, plane, mode, compare == "pcf", clamps, *factors)
 
 
 # ---- coordinates
