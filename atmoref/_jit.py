@@ -85,7 +85,7 @@ class _KernelCache(caching.FunctionCache):
     """
 
     def _lock(self) -> filelock.BaseFileLock:
-        return filelock.FileLock(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
+        return filelock.FileLock(Path(self._cache_path) / f"{self._impl.filename_base}.lock", timeout=60.0)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:

@@ -156,7 +156,7 @@ def overload(stub: Any) -> Any:
                 code.__annotations__ = {}
             return code
 
-        return extending.overload(stub)(typed)
+        return extending.overload(stub, jit_options={"forceinline": True, "error_model": "numpy"})(typed)
 
     return register
 

@@ -31,34 +31,29 @@ def _ulps(single, double):
 
 
 @kernel
-def worst_exp(values, work):
-    """Return the worst error of exp over values (ascending) and how many neighbours descend."""
+def worst_exp(values, work, lanes):
+    """Write the worst errors of exp over ascending values; return how many neighbours descend."""
     worst = lift(Double(), 0.0)
     for i in range(0, values.size, N):
         x = load(values, i)
         y = exp(x)
         store(work, i, y)
         worst = maximum(_ulps(y, exp(lift(Double(), x))), worst)
-    return _largest(worst), _descents(work)
+    store(lanes, 0, worst)
+    return _descents(work)
 
 
 @kernel
-def worst_log(values, work):
-    """Return the worst error of log over values (positive, ascending) and how many neighbours descend."""
+def worst_log(values, work, lanes):
+    """Write the worst errors of log over positive ascending values; return how many neighbours descend."""
     worst = lift(Double(), 0.0)
     for i in range(0, values.size, N):
         x = load(values, i)
         y = log(x)
         store(work, i, y)
         worst = maximum(_ulps(y, log(lift(Double(), x))), worst)
-    return _largest(worst), _descents(work)
-
-
-@device
-def _largest(lane):
-    out = np.empty(N, np.float64)
-    store(out, 0, lane)
-    return out.max()
+    store(lanes, 0, worst)
+    return _descents(work)
 
 
 @device
@@ -73,11 +68,11 @@ def walk(function, first: float, last: float) -> tuple[float, int]:
     """Run over all float32 from first to last (of one sign, |first| < |last|)."""
     bits = [int(np.float32(v).view(np.uint32)) for v in (first, last)]
     worst, descents = 0.0, 0
-    work = np.empty(CHUNK, np.float32)
+    work, lanes = np.empty(CHUNK, np.float32), np.empty(N, np.float64)
     for start in range(bits[0], bits[1], CHUNK - N):
         values = np.minimum(np.arange(start, start + CHUNK, dtype=np.int64), bits[1]).astype(np.uint32).view(np.float32)
         if last < 0:
             values = values[::-1].copy()
-        error, steps = function(values, work)
-        worst, descents = max(worst, error), descents + steps
+        descents += function(values, work, lanes)
+        worst = max(worst, float(lanes.max()))
     return worst, descents
