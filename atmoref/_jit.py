@@ -31,6 +31,7 @@ from atmoref._cache import writable_root
 
 KEEP_SECONDS: Final = 30 * 86400
 settings: Any = config  # Numba sets its names at run time
+_njit: Any = numba.njit  # its stubs do not know `_nrt`
 _log = logging.getLogger(__name__)
 _decorating = threading.RLock()
 
@@ -111,12 +112,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     Without Numba's reference counting: kernels allocate nothing, and counting every array of a tuple of textures
     around each helper cost ten times the arithmetic (1.17 s against 0.1 s for Figure 4 (c)).
     """
-    return _cached(function, numba.njit(error_model="numpy", nogil=True, fastmath=False, _nrt=False)(function))
+    return _cached(function, _njit(error_model="numpy", nogil=True, fastmath=False, _nrt=False)(function))
 
 
 def pure(function: Callable[..., Any]) -> Any:
     """Compile an entry point of plain scalar code that may allocate arrays (the truths); else as `kernel`."""
-    return _cached(function, numba.njit(error_model="numpy", nogil=True, fastmath=False)(function))
+    return _cached(function, _njit(error_model="numpy", nogil=True, fastmath=False)(function))
 
 
 def _cached(function: Callable[..., Any], dispatcher: Any) -> Any:
@@ -133,14 +134,14 @@ def _cached(function: Callable[..., Any], dispatcher: Any) -> Any:
 
 def device(function: Callable[..., Any]) -> Any:
     """Compile a helper that is inlined wherever a kernel calls it: lanes then stay in registers."""
-    return numba.njit(error_model="numpy", fastmath=False, forceinline=True, _nrt=False)(function)
+    return _njit(error_model="numpy", fastmath=False, forceinline=True, _nrt=False)(function)
 
 
 def subroutine(function: Callable[..., Any]) -> Any:
     """Compile a helper that stays a call where LLVM sees no gain: long code on a path that is rarely taken."""
-    return numba.njit(error_model="numpy", fastmath=False, _nrt=False)(function)
+    return _njit(error_model="numpy", fastmath=False, _nrt=False)(function)
 
 
 def scalar(function: Callable[..., Any]) -> Any:
     """Compile a helper of plain scalar code (the truths); LLVM inlines it where that pays."""
-    return numba.njit(error_model="numpy", fastmath=False)(function)
+    return _njit(error_model="numpy", fastmath=False)(function)
