@@ -15,7 +15,7 @@ from atmoref.buffers.blend import value
 from atmoref.lanes import N, any_lane, convert, count_lanes, lift, load, select, spread_int, store
 from atmoref.stages.camera import Camera, camera_ray
 from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
-from atmoref.stages.spot_light import Spot, Switches, light_ray
+from atmoref.stages.spot_light import Spot, Switches, light_ray, pyramid_span
 from atmoref.stages.sub_plane import draw_sub_plane
 from atmoref.stages.target import Colour, add_colour, channel_rule, read_colour, write_colour
 
@@ -56,6 +56,7 @@ class Pixel(NamedTuple):
     ray: Any
     light: Any
     place: Any
+    span: Any
     surface: Any  # window depth of the opaque scene
 
 
@@ -85,12 +86,14 @@ def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, 
     sub_lit, samples = count.sub_lit, count.samples
     air = spread_int(int32(-1))
     for s in range(s0, s1):
+        z = lift(arith, draws.z[s])
+        if switches.skip != 0 and trace == 0 and not any_lane((z >= pixel.span.near) & (z <= pixel.span.far)):
+            continue
         h, mask, lit = draw_sub_plane(arith, form, rules, switches, spot, maps, solids, draws, s, pixel, air, h)
         if any_lane(mask):
             sub_lit += 1
             samples += count_lanes(mask)
         if trace != 0:
-            z = lift(arith, draws.z[s])
             probe_values(probe, s + k, z, lit.u, lit.v, lit.w, mask, Colour(lit.r, lit.g, lit.b), h)
     return h, Count(count.sub + max(s1 - s0, 0), sub_lit, samples, count.main, count.main_lit)
 
@@ -138,10 +141,12 @@ def beam_planes(
         for column in range(window.column0, window.column1, N):
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
+            light = light_ray(spot, ray)
             pixel = Pixel(
                 ray,
-                light_ray(spot, ray),
+                light,
                 place(arith, slab, slab_switches, ray, column, row),
+                pyramid_span(spot, light),
                 lift(arith, load(depth, p)),
             )
             stored = read_colour(arith, frame, p, size)

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 from atmoref._jit import device
 from atmoref.buffers.sampler import Texture, bilinear, bilinear3, shadow_compare
-from atmoref.lanes import any_lane, atan2, maximum, minimum, select, sqrt
+from atmoref.lanes import absolute, any_lane, atan2, maximum, minimum, select, sqrt
 from atmoref.stages.ray_cast import occluded
 
+SLACK = 1e-5  # some 80 roundings in float32
 SMOOTHSTEP_COSINE, LINEAR_ANGLE, NO_FALLOFF = 0, 1, 2
 
 
@@ -73,6 +74,13 @@ class LightRay(NamedTuple):
     w: Any
 
 
+class Span(NamedTuple):
+    """Depths between which a ray can be inside the light's pyramid, a little too wide; empty where near > far."""
+
+    near: Any
+    far: Any
+
+
 class Lit(NamedTuple):
     """What a point receives: mask, colour I_l H per channel, and the coordinates it was read at."""
 
@@ -93,6 +101,34 @@ def light_ray(spot, ray):
         ray.ex * spot.v_x + ray.ey * spot.v_y + spot.v_z,
         ray.ex * spot.w_x + ray.ey * spot.w_y + spot.w_z,
     )
+
+
+@device
+def _cut(span, slope, start):
+    """The part of a span where slope z + start >= 0."""
+    root = start / select((slope < 1e-30) & (slope > -1e-30), 1e-30, slope) * -1.0
+    near = select(slope > 0.0, maximum(span.near, root), span.near)
+    far = select(slope < 0.0, minimum(span.far, root), span.far)
+    return Span(near, select((slope == 0.0) & (start < 0.0), -1.0, far))
+
+
+@device
+def pyramid_span(spot, light):
+    """Depths z > 0 at which w >= 0 and 0 <= u, v <= 1 can hold: five linear conditions.
+
+    Each is loosened by SLACK of the size of its terms, which covers all roundings of the test itself: what lies outside
+    the span fails that test for certain, so skipping it is exact.
+    """
+    loose, bend = SLACK, absolute(light.w) * SLACK
+    base = absolute(spot.w_0) * SLACK
+    span = Span(light.w * 0.0, light.w * 0.0 + 1e30)
+    span = _cut(span, light.w + bend, spot.w_0 + base)
+    u_bend, u_base = absolute(light.u) * loose, absolute(spot.u_0) * loose
+    span = _cut(span, light.u + u_bend, spot.u_0 + u_base)
+    span = _cut(span, light.w - light.u + (bend + u_bend), spot.w_0 - spot.u_0 + (base + u_base))
+    v_bend, v_base = absolute(light.v) * loose, absolute(spot.v_0) * loose
+    span = _cut(span, light.v + v_bend, spot.v_0 + v_base)
+    return _cut(span, light.w - light.v + (bend + v_bend), spot.w_0 - spot.v_0 + (base + v_base))
 
 
 @device
