@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 from atmoref.optics.phase_functions import phase_source
 
 __all__ = ["phase"]
 
-phase = scalar(phase_source(math.sqrt))
+phase = subroutine(phase_source(math.sqrt))

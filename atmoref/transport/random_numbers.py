@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 
 __all__ = ["philox4x32", "uniform", "uniform_pair"]
 
@@ -29,7 +29,7 @@ _TWO_26 = 67108864.0
 _TWO_MINUS_53 = 1.0 / 9007199254740992.0
 
 
-@scalar
+@subroutine
 def philox4x32(counter, key):
     """Return four random 32-bit words for a counter of four words and a key of two.
 
@@ -53,13 +53,13 @@ def philox4x32(counter, key):
     return c0, c1, c2, c3
 
 
-@scalar
+@subroutine
 def uniform(high, low):
     """Return a float64 in [0, 1), a multiple of 2^-53, from two 32-bit words (the upper 27 and 26 bits of them)."""
     return (np.float64(high >> _FIVE) * _TWO_26 + np.float64(low >> _SIX)) * _TWO_MINUS_53
 
 
-@scalar
+@subroutine
 def uniform_pair(key, pixel, sample, dimension):
     """Return two independent uniforms in [0, 1) for this pixel, sample and dimension (e.g. light) under the key."""
     w0, w1, w2, w3 = philox4x32((pixel, sample, dimension, 0), key)

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import math
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 
 __all__ = ["equiangular", "equiangular_density"]
 
 
-@scalar
+@subroutine
 def equiangular(xi, offset_m, start_m, end_m):
     """Return a place ``u`` (m) on a line, and its density (1/m), with equal chance for equal angles at a point light.
 
@@ -39,7 +39,7 @@ def equiangular(xi, offset_m, start_m, end_m):
     return u, offset_m / (angle * (offset_m * offset_m + u * u))
 
 
-@scalar
+@subroutine
 def equiangular_density(u, offset_m, start_m, end_m):
     """Return the density (1/m) with which :func:`equiangular` picks ``u`` of the segment; 0 outside it."""
     if u < start_m or u > end_m:

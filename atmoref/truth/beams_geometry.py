@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 
 __all__ = [
     "BOX",
@@ -36,43 +36,43 @@ GROUND = 3
 _TOUCH = 1e-12  # relative: a segment that only grazes, starts or ends on a surface is not blocked by it
 
 
-@scalar
+@subroutine
 def row(table, i, column=0):
     """Return three neighbours of row ``i`` of a table as a point."""
     return table[i, column], table[i, column + 1], table[i, column + 2]
 
 
-@scalar
+@subroutine
 def add(a, b):
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@scalar
+@subroutine
 def subtract(a, b):
     """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@scalar
+@subroutine
 def scaled(a, k):
     """Return a times k."""
     return a[0] * k, a[1] * k, a[2] * k
 
 
-@scalar
+@subroutine
 def dot(a, b):
     """Return a · b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@scalar
+@subroutine
 def cross(a, b):
     """Return a × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@scalar
+@subroutine
 def _sphere_distance(start, d, center, radius):
     """Return the distance along a unit direction to a sphere's surface, infinite if it is missed or behind."""
     w = subtract(start, center)
@@ -90,7 +90,7 @@ def _sphere_distance(start, d, center, radius):
     return far if far > 0.0 else math.inf
 
 
-@scalar
+@subroutine
 def _box_span(start, d, low, high):
     """Return where a line enters and leaves a box (parameters of ``d``); enter > leave if it misses."""
     enter = -math.inf
@@ -107,7 +107,7 @@ def _box_span(start, d, low, high):
     return enter, leave
 
 
-@scalar
+@subroutine
 def nearest_hit(objects, start, d):
     """Return (T, kind, index) of the first surface along a ray with unit direction; T is infinite for none."""
     best = math.inf
@@ -131,7 +131,7 @@ def nearest_hit(objects, start, d):
     return best, kind, index
 
 
-@scalar
+@subroutine
 def _box_normal(p, low, high):
     """Return the outward normal of the box face that is nearest to a point on the surface."""
     best = math.inf
@@ -149,7 +149,7 @@ def _box_normal(p, low, high):
     )
 
 
-@scalar
+@subroutine
 def normal_and_albedo(objects, p, kind, index, d):
     """Return the outward unit normal (of the ground: towards the eye) and the albedo of the surface at ``p``."""
     if kind == SPHERE:
@@ -160,7 +160,7 @@ def normal_and_albedo(objects, p, kind, index, d):
     return (0.0, -math.copysign(1.0, d[1]), 0.0), row(objects.grounds, index, 1)
 
 
-@scalar
+@subroutine
 def _sphere_blocks(light, w, center, radius):
     """Tell whether the segment from ``light`` along ``w`` (its whole length) passes through the sphere's inside."""
     to_center = subtract(center, light)
@@ -170,7 +170,7 @@ def _sphere_blocks(light, w, center, radius):
     return dot(gap, gap) < radius * radius * (1.0 - _TOUCH)
 
 
-@scalar
+@subroutine
 def sees(objects, light, p, skip_kind, skip_index):
     """Tell whether the light (a point) sees ``p``: the open segment meets no object, leaving out the one named."""
     w = subtract(p, light)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 from atmoref.optics.phase_functions import phase
 from atmoref.truth.beams_geometry import cross, dot
 from atmoref.truth.beams_pieces import EDGE
@@ -62,6 +62,7 @@ class Panels(NamedTuple):
     error: np.ndarray  # (n, 3) difference of the two rules
     noise: np.ndarray  # (n, 3) rounding
     stack: np.ndarray  # (_STACK, 3) a, b, share of the tolerance
+    scratch: np.ndarray  # (5, 3)
 
 
 def workspace(capacity: int, first_split: int) -> Panels:
@@ -77,6 +78,7 @@ def workspace(capacity: int, first_split: int) -> Panels:
         error=np.zeros((n, 3)),
         noise=np.zeros((n, 3)),
         stack=np.zeros((_STACK, 3)),
+        scratch=np.zeros((5, 3)),
     )
 
 
@@ -99,7 +101,7 @@ class _Ray(NamedTuple):
     phase_noise: float  # relative rounding of the phase function
 
 
-@scalar
+@subroutine
 def _ray_constants(medium, light, line):
     axis = light.axis
     return _Ray(
@@ -120,7 +122,7 @@ def _ray_constants(medium, light, line):
     )
 
 
-@scalar
+@subroutine
 def light_distribution(falloff, cosine, sine, cos_inner, cos_outer, inner, outer):
     """Return the share of the peak intensity between inner and outer cone, at an angle given by cosine and sine."""
     if falloff == LINEAR_ANGLE:
@@ -130,7 +132,7 @@ def light_distribution(falloff, cosine, sine, cos_inner, cos_outer, inner, outer
     return x * x * (3.0 - 2.0 * x)
 
 
-@scalar
+@subroutine
 def _share_at(r, sx, cx):
     """Return I_l / peak in the falloff zone and its rounding error; ``cx`` carries the sign of u.
 
@@ -152,7 +154,7 @@ def _share_at(r, sx, cx):
     return share, lost * 6.0 * x / (r.cos_inner - r.cos_outer)
 
 
-@scalar
+@subroutine
 def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     """Integrate one panel [a, b] of theta (of 1/|u| where v = 0): set value, error, noise (3,) per extinction."""
     k0 = k1 = k2 = 0.0
@@ -202,13 +204,13 @@ def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
 
 
-@scalar
+@subroutine
 def _angle(v, u):
     """Return theta at |u|, or 1/|u| where v = 0; infinite only for v = u = 0."""
     return math.atan2(v, abs(u)) if v > 0.0 else 1.0 / abs(u)
 
 
-@scalar
+@subroutine
 def _first_panels(v, sigma, start, end, kind, settings, work, n):
     """Append the first panels of a lit piece [start, end] of u, which lies on one side of 0; return the new count.
 
@@ -238,7 +240,7 @@ def _first_panels(v, sigma, start, end, kind, settings, work, n):
     return n
 
 
-@scalar
+@subroutine
 def _halfway(a, b):
     """Return where to divide a panel: in the geometric middle if it spans a large ratio."""
     if b > 4.0 * a:
@@ -246,7 +248,7 @@ def _halfway(a, b):
     return 0.5 * (a + b)
 
 
-@scalar
+@subroutine
 def _good(value, error, allowance, rtol, groups):
     """Tell whether a panel's error is within half of rtol times itself plus its share of the whole."""
     good = True
@@ -255,16 +257,17 @@ def _good(value, error, allowance, rtol, groups):
     return good
 
 
-@scalar
+@subroutine
 def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, noise):
     """Divide panel ``p`` until it is good; replace its value, error and noise; return the panels computed."""
     groups = medium.groups
     sign = work.span[p, 2]
     kind = work.kind[p]
     work.stack[0, 0], work.stack[0, 1], work.stack[0, 2] = work.span[p, 0], work.span[p, 1], 1.0
-    work.value[p, :] = 0.0
-    work.error[p, :] = 0.0
-    work.noise[p, :] = 0.0
+    for i in range(groups):
+        work.value[p, i] = 0.0
+        work.error[p, i] = 0.0
+        work.noise[p, i] = 0.0
     height = 1
     computed = 0
     while height > 0:
@@ -288,8 +291,8 @@ def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, 
     return computed
 
 
-@scalar
-def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, error, scratch):
+@subroutine
+def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, error):
     """Integrate the lit pieces of one ray for one light, for unit I_0 sigma_s peak.
 
     Parameters
@@ -303,8 +306,6 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
     value, error
         (3,) filled: integral and error estimate (1/m² · 1/sr · m) per distinct extinction. Infinite with error 0 where
         the ray meets the light itself in a lit piece.
-    scratch
-        (3, 3) work space.
 
     Returns
     -------
@@ -319,12 +320,14 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
     for i in range(pieces):
         n = _first_panels(line.v, least, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
         if n < 0:
-            value[:] = math.inf
-            error[:] = 0.0
+            for c in range(3):
+                value[c] = math.inf
+                error[c] = 0.0
             return 0
     r = _ray_constants(medium, light, line)
-    whole = scratch[0]
-    whole[:] = 0.0
+    whole = work.scratch[0]
+    for i in range(3):
+        whole[i] = 0.0
     for p in range(n):
         a, b, sign = work.span[p, 0], work.span[p, 1], work.span[p, 2]
         _panel(medium, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p], work.noise[p])
@@ -334,12 +337,14 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
     if settings.adaptive:
         for p in range(n):
             if not _good(work.value[p], work.error[p], whole, settings.rtol, groups):
-                computed += _refine(medium, r, rule, settings, work, p, whole, value, error, scratch[1], scratch[2])
+                computed += _refine(
+                    medium, r, rule, settings, work, p, whole, value, error, work.scratch[1], work.scratch[2]
+                )
     _sum(work, n, groups, 1.0 / line.v if line.v > 0.0 else 1.0, value, error)
     return computed
 
 
-@scalar
+@subroutine
 def _sum(work, n, groups, factor, value, error):
     for i in range(groups):
         value[i] = 0.0

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref._jit import pure, scalar
+from atmoref._jit import kernel, subroutine
 from atmoref.optics.phase_functions import phase
 from atmoref.transport.random_numbers import uniform_pair
 from atmoref.transport.samplers import equiangular
@@ -38,7 +38,7 @@ _END = 1e-9  # relative: crossings this near to a segment's end are its own surf
 _LEAST_OFFSET_M = 1e-9
 
 
-@scalar
+@subroutine
 def _crosses_sphere(a, d, spheres, i, low, high):
     """Return the least crossing parameter in (low, high) of a + k d with a sphere's surface; infinite for none."""
     x, y, z = a[0] - spheres[i, 0], a[1] - spheres[i, 1], a[2] - spheres[i, 2]
@@ -55,7 +55,7 @@ def _crosses_sphere(a, d, spheres, i, low, high):
     return second if low < second < high else math.inf
 
 
-@scalar
+@subroutine
 def _crosses_box(a, d, boxes, i, low, high):
     """Return the least crossing parameter in (low, high) of a + k d with one of a box's six faces, and its axis."""
     best = math.inf
@@ -75,7 +75,7 @@ def _crosses_box(a, d, boxes, i, low, high):
     return best, axis
 
 
-@scalar
+@subroutine
 def _visible(objects, a, b):
     """Tell whether nothing crosses the segment between two points; surfaces at its ends do not count."""
     d = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
@@ -93,7 +93,7 @@ def _visible(objects, a, b):
     return True
 
 
-@scalar
+@subroutine
 def _first_surface(objects, a, d):
     """Return distance, normal facing the eye, and albedo of the first surface from ``a`` along unit ``d``."""
     best = math.inf
@@ -126,7 +126,7 @@ def _first_surface(objects, a, d):
     return best, normal, albedo
 
 
-@scalar
+@subroutine
 def _emitted(light, x, y, z):
     """Return I_l towards a direction from the light (any length)."""
     if light.outer >= math.pi:
@@ -144,7 +144,7 @@ def _emitted(light, x, y, z):
     return light.peak * k * k * (3.0 - 2.0 * k)
 
 
-@scalar
+@subroutine
 def _reflected(q, a, d, distance, normal, albedo, out):
     """Set what the first surface sends to the eye: a finite sum over lights, nothing to sample."""
     out[:] = 0.0
@@ -164,7 +164,7 @@ def _reflected(q, a, d, distance, normal, albedo, out):
             out[c] += albedo[c] / math.pi * irradiance * math.exp(-q.medium.extinction[c] * distance)
 
 
-@scalar
+@subroutine
 def _sample(q, light, a, d, distance, xi, out):
     """Add to ``out`` (3,) one sample of the light scattered along a ray, divided by its density."""
     to = (light.position[0] - a[0], light.position[1] - a[1], light.position[2] - a[2])
@@ -188,7 +188,7 @@ def _sample(q, light, a, d, distance, xi, out):
         out[c] += light.intensity[c] * q.medium.scattering[c] * f * math.exp(-q.medium.extinction[c] * (s + t))
 
 
-@scalar
+@subroutine
 def _settled(mean, square, batches, rtol):
     """Tell whether every channel's standard error is within rtol of its mean, and not all means are zero."""
     bright = False
@@ -200,7 +200,7 @@ def _settled(mean, square, batches, rtol):
     return bright
 
 
-@scalar
+@subroutine
 def _estimate(q, a, d, distance, key, pixel, batches, rtol, mean, error, square, batch):
     """Set mean and standard error (3,) of the beam term of one ray; return how many batches were used."""
     mean[:] = 0.0
@@ -228,11 +228,10 @@ def _estimate(q, a, d, distance, key, pixel, batches, rtol, mean, error, square,
     return used
 
 
-@pure
-def _monte_carlo_kernel(image, beam, surface, error, counters, q, key, batches, rtol, shape, corner, rows):
+@kernel
+def _monte_carlo_kernel(image, beam, surface, error, counters, q, key, batches, rtol, shape, corner, rows, scratch):
     """Fill the rows [rows[0], rows[1]) of a crop whose corner (column, row) lies in an image of ``shape`` (H, W)."""
-    square = np.empty(3)
-    batch = np.empty(3)
+    square, batch = scratch[0], scratch[1]
     camera = q.camera
     for j in range(rows[0], rows[1]):
         for i in range(image.shape[1]):
@@ -317,7 +316,9 @@ def monte_carlo(
 
     def compute(first: int, last: int) -> None:
         corner = (crop.x, crop.y)
-        _monte_carlo_kernel(*out.values(), q, key, samples // BATCH, rtol, shape, corner, (first, last))
+        _monte_carlo_kernel(
+            *out.values(), q, key, samples // BATCH, rtol, shape, corner, (first, last), np.empty((2, 3))
+        )
 
     run_rows(compute, crop.height, threads, progress)
     return out

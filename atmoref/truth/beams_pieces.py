@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 from atmoref.truth.beams_geometry import add, cross, dot, row, scaled, sees, subtract
 from atmoref.truth.beams_question import NO_FALLOFF
 
@@ -41,7 +41,7 @@ def cut_capacity(spheres: int, boxes: int, grounds: int) -> int:
     return _MERGE_ROOM + 4 * spheres + 18 * boxes + grounds
 
 
-@scalar
+@subroutine
 def line_from_light(start, d, light):
     """Return the line of a view ray from ``start`` along the unit direction ``d``, as seen from the light."""
     w = subtract(start, light)
@@ -54,13 +54,13 @@ def line_from_light(start, d, light):
     return Line(light, d, e, v, -(along + rest))
 
 
-@scalar
+@subroutine
 def point_on(line, u):
     """Return P(u)."""
     return add(line.light, add(scaled(line.e, line.v), scaled(line.d, u)))
 
 
-@scalar
+@subroutine
 def _keep(cuts, n, u, low, high):
     """Append a split point if it lies inside the interval, and return the new count."""
     if low < u < high and n < cuts.shape[0]:
@@ -69,7 +69,7 @@ def _keep(cuts, n, u, low, high):
     return n
 
 
-@scalar
+@subroutine
 def _cone_roots(line, axis, cosine, sine):
     """Return the two roots in u of the double cone around ``axis`` with its tip in the light, NaN if there are none.
 
@@ -89,14 +89,14 @@ def _cone_roots(line, axis, cosine, sine):
     return m / square, constant / m
 
 
-@scalar
+@subroutine
 def _plane_root(line, normal, point):
     """Return the u where the line crosses the plane through ``point``; infinite or NaN if it is parallel."""
     away = subtract(point, line.light)
     return (dot(away, normal) - line.v * dot(line.e, normal)) / dot(line.d, normal)
 
 
-@scalar
+@subroutine
 def _cut_at_spheres(objects, line, cuts, n, low, high):
     """Split at each sphere and at the cone from the light that touches it."""
     for i in range(objects.spheres.shape[0]):
@@ -117,7 +117,7 @@ def _cut_at_spheres(objects, line, cuts, n, low, high):
     return n
 
 
-@scalar
+@subroutine
 def _cut_at_boxes(objects, line, cuts, n, low, high):
     """Split at the 6 planes of each box's faces and at the 12 planes through the light and an edge."""
     for i in range(objects.boxes.shape[0]):
@@ -140,26 +140,26 @@ def _cut_at_boxes(objects, line, cuts, n, low, high):
     return n
 
 
-@scalar
+@subroutine
 def _edge_root(line, corner, along):
     """Return the u where the line crosses the plane through the light and an edge."""
     return _plane_root(line, cross(subtract(corner, line.light), along), line.light)
 
 
-@scalar
+@subroutine
 def _cosine_at(line, axis, u):
     """Return the cosine between the light's axis and the way to P(u); NaN at the light itself."""
     s = math.sqrt(line.v * line.v + u * u)
     return (line.v * dot(line.e, axis) + u * dot(line.d, axis)) / s
 
 
-@scalar
+@subroutine
 def _inner_point(a, b):
     """Return a place strictly between a and b, of which b may be infinite."""
     return 0.5 * (a + b) if b < math.inf else a + 1.0 + abs(a)
 
 
-@scalar
+@subroutine
 def _sort(cuts, n):
     for i in range(1, n):
         x = cuts[i]
@@ -170,7 +170,7 @@ def _sort(cuts, n):
         cuts[j] = x
 
 
-@scalar
+@subroutine
 def _beam_span(light, line, low, high, cuts):
     """Return the interval of u inside the light's outer cone, which is convex; empty (low >= high) if there is none."""
     if light.outer >= math.pi:
@@ -193,7 +193,7 @@ def _beam_span(light, line, low, high, cuts):
     return first, last
 
 
-@scalar
+@subroutine
 def _classify(objects, light, line, u, inner_cosine):
     """Return the class of the piece around u, by exact tests at that place."""
     if not sees(objects, line.light, point_on(line, u), -1, -1):
@@ -204,7 +204,7 @@ def _classify(objects, light, line, u, inner_cosine):
     return EDGE
 
 
-@scalar
+@subroutine
 def find_pieces(objects, light, line, low, high, cuts, ends, classes):
     """Find the lit pieces of one ray for one light.
 
@@ -245,7 +245,7 @@ def find_pieces(objects, light, line, low, high, cuts, ends, classes):
     return _collect(objects, light, line, low, high, cuts, n, ends, classes)
 
 
-@scalar
+@subroutine
 def _collect(objects, light, line, low, high, cuts, n, ends, classes):
     """Classify what lies between the sorted cuts, merge equal neighbours, and return how many lit pieces there are."""
     inner_cosine = math.cos(light.inner)

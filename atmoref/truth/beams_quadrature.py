@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref._jit import pure, scalar
+from atmoref._jit import kernel, subroutine
 from atmoref.truth.beams_geometry import (
     NOTHING,
     add,
@@ -33,9 +33,9 @@ from atmoref.truth.beams_geometry import (
     sees,
     subtract,
 )
-from atmoref.truth.beams_integral import Panels, Settings, integrate_pieces, light_distribution, workspace
+from atmoref.truth.beams_integral import Settings, integrate_pieces, light_distribution, workspace
 from atmoref.truth.beams_pieces import cut_capacity, find_pieces, line_from_light
-from atmoref.truth.beams_question import NO_FALLOFF, Camera, Question, light_at
+from atmoref.truth.beams_question import NO_FALLOFF, Camera, Medium, Question, light_at
 from atmoref.truth.quadrature_rules import GAUSS_KRONROD_21, Rule
 from atmoref.truth.rows import Crop, Progress, run_rows
 
@@ -47,7 +47,7 @@ ROUNDING = 4e-15
 _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
 
-@scalar
+@subroutine
 def _reach(light, p):
     """Return I_l in the direction of a point."""
     if light.outer >= math.pi:
@@ -64,86 +64,94 @@ def _reach(light, p):
     return light.peak * light_distribution(light.falloff, cosine, sine, inner, outer, light.inner, light.outer)
 
 
-@scalar
-def _surface(q, start, d, distance, kind, index, out):
-    """Set the light (3,) that the surface at ``distance`` sends to the eye, dimmed by the medium both ways."""
-    out[:] = 0.0
-    if kind == NOTHING:
-        return
-    p = add(start, scaled(d, distance))
-    normal, albedo = normal_and_albedo(q.objects, p, kind, index, d)
-    for which in range(q.lights.shape[0]):
-        light = light_at(q.lights, which)
-        w = subtract(light.position, p)
-        ss = dot(w, w)
-        s = math.sqrt(ss)
-        cosine = dot(w, normal) / s
-        if not cosine > 0.0:
-            continue
-        share = _reach(light, p)
-        if share == 0.0 or not sees(q.objects, light.position, p, kind, index):
-            continue
-        for c in range(3):
-            dim = math.exp(-q.medium.extinction[c] * (s + distance))
-            out[c] += albedo[c] / math.pi * light.intensity[c] * share * cosine * dim / ss
-
-
-@scalar
-def _beam(q, start, d, distance, rule, settings, work, beam, error, scratch, counters):
-    """Set the light (3,) scattered to the eye along a ray up to ``distance``, and its error estimate."""
-    beam[:] = 0.0
-    error[:] = 0.0
-    value = scratch[3]
-    estimate = scratch[4]
-    lit = False
-    for which in range(q.lights.shape[0]):
-        light = light_at(q.lights, which)
-        line = line_from_light(start, d, light.position)
-        high = distance - line.foot
-        pieces = find_pieces(q.objects, light, line, -line.foot, high, work.cuts, work.ends, work.classes)
-        if pieces == 0:
-            continue
-        lit = True
-        counters[0] += integrate_pieces(q.medium, light, line, pieces, rule, settings, work, value, estimate, scratch)
-        counters[1] += pieces
-        for c in range(3):
-            scale = light.intensity[c] * light.peak * q.medium.scattering[c]
-            if scale > 0.0:
-                group = q.medium.group[c]
-                beam[c] += scale * value[group]
-                if value[group] < math.inf:
-                    error[c] += scale * (estimate[group] + ROUNDING * value[group])
-    if lit:
-        counters[2] += 1
-
-
-@scalar
-def _ambient(medium, distance, c):
-    """Return the ambient term of one channel."""
-    if not medium.ambient_saturates:
-        return medium.ambient[c]
-    if medium.extinction[c] == 0.0:
-        return 0.0
-    return -medium.ambient[c] * math.expm1(-medium.extinction[c] * distance)
-
-
-@pure
-def _rays_kernel(image, beam, surface, error, counters, q, rule, settings, work, starts, directions, limits):
-    """Fill one entry for each of n rays."""
-    scratch = np.empty((5, 3))
+@kernel
+def _surfaces_kernel(surface, ends, q, starts, directions):
+    """Shorten the rays to their first surface, and set the light (n, 3) that it sends to the eye through the medium."""
     for i in range(starts.shape[0]):
+        for c in range(3):
+            surface[i, c] = 0.0
         start = row(starts, i)
         d = row(directions, i)
-        d = scaled(d, 1.0 / math.sqrt(dot(d, d)))
         distance, kind, index = nearest_hit(q.objects, start, d)
-        if limits[i] < distance:
-            distance, kind = limits[i], NOTHING
-        _surface(q, start, d, distance, kind, index, surface[i])
-        _beam(q, start, d, distance, rule, settings, work, beam[i], error[i], scratch, counters[i])
+        if kind == NOTHING or ends[i] < distance:
+            continue
+        ends[i] = distance
+        p = add(start, scaled(d, distance))
+        normal, albedo = normal_and_albedo(q.objects, p, kind, index, d)
+        for which in range(q.lights.shape[0]):
+            light = light_at(q.lights, which)
+            w = subtract(light.position, p)
+            ss = dot(w, w)
+            s = math.sqrt(ss)
+            cosine = dot(w, normal) / s
+            if not cosine > 0.0:
+                continue
+            share = _reach(light, p)
+            if share == 0.0 or not sees(q.objects, light.position, p, kind, index):
+                continue
+            for c in range(3):
+                dim = math.exp(-q.medium.extinction[c] * (s + distance))
+                surface[i, c] += albedo[c] / math.pi * light.intensity[c] * share * cosine * dim / ss
+
+
+@kernel
+def _beams_kernel(beam, error, counters, q, rule, settings, work, starts, directions, ends):
+    """Set the light (n, 3) scattered to the eye along rays up to their ends, and its error estimate."""
+    value = work.scratch[3]
+    estimate = work.scratch[4]
+    for i in range(starts.shape[0]):
         for c in range(3):
-            image[i, c] = surface[i, c] + beam[i, c] + _ambient(q.medium, distance, c)
-            if image[i, c] < math.inf:
-                error[i, c] += ROUNDING * (image[i, c] - beam[i, c])
+            beam[i, c] = 0.0
+            error[i, c] = 0.0
+            counters[i, c] = 0
+        for which in range(q.lights.shape[0]):
+            light = light_at(q.lights, which)
+            line = line_from_light(row(starts, i), row(directions, i), light.position)
+            low, high = -line.foot, ends[i] - line.foot
+            pieces = find_pieces(q.objects, light, line, low, high, work.cuts, work.ends, work.classes)
+            if pieces == 0:
+                continue
+            counters[i, 0] += integrate_pieces(q.medium, light, line, pieces, rule, settings, work, value, estimate)
+            counters[i, 1] += pieces
+            counters[i, 2] = 1
+            for c in range(3):
+                scale = light.intensity[c] * light.peak * q.medium.scattering[c]
+                if scale > 0.0:
+                    group = q.medium.group[c]
+                    beam[i, c] += scale * value[group]
+                    if value[group] < math.inf:
+                        error[i, c] += scale * (estimate[group] + ROUNDING * value[group])
+
+
+def _ambient(medium: Medium, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ambient term (n, 3) of rays that end at distances (n,)."""
+    ambient = np.array(medium.ambient)
+    if not medium.ambient_saturates:
+        return np.broadcast_to(ambient, (len(ends), 3))
+    sigma = np.array(medium.extinction)
+    depth = np.multiply.outer(ends, sigma, where=sigma > 0.0, out=np.zeros((len(ends), 3)))
+    saturated: NDArray[np.float64] = -ambient * np.expm1(-depth)
+    return saturated
+
+
+def _solve_rays(
+    out: dict[str, NDArray[Any]],
+    q: Question,
+    rule: Rule,
+    settings: Settings,
+    starts: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    limits: NDArray[np.float64],
+) -> None:
+    """Fill the entries of n rays in ``out``; directions are of any length."""
+    d = directions / np.sqrt((directions * directions).sum(axis=1))[:, None]
+    ends = limits.copy()
+    _surfaces_kernel(out["surface"], ends, q, starts, d)
+    work = workspace(cut_capacity(*(len(table) for table in q.objects)), settings.first_split)
+    _beams_kernel(out["beam"], out["error"], out["counters"], q, rule, settings, work, starts, d, ends)
+    rest = out["surface"] + _ambient(q.medium, ends)
+    out["image"][:] = out["beam"] + rest
+    out["error"][:] += ROUNDING * rest
 
 
 def _pixel_rays(camera: Camera, shape: tuple[int, int], crop: Crop, rows: tuple[int, int]) -> NDArray[np.float64]:
@@ -153,10 +161,6 @@ def _pixel_rays(camera: Camera, shape: tuple[int, int], crop: Crop, rows: tuple[
     across = x[None, :, None] * np.array(camera.right)
     d: NDArray[np.float64] = np.array(camera.forward) + across + y[:, None, None] * np.array(camera.up)
     return d.reshape(-1, 3)
-
-
-def _work_for(q: Question, settings: Settings) -> Panels:
-    return workspace(cut_capacity(*(len(table) for table in q.objects)), settings.first_split)
 
 
 def quadrature(
@@ -203,8 +207,8 @@ def quadrature(
         directions = _pixel_rays(q.camera, shape, crop, (first, last))
         starts = np.full(directions.shape, q.camera.eye)
         limits = np.full(len(directions), math.inf)
-        parts = (array[first:last].reshape(-1, 3) for array in out.values())
-        _rays_kernel(*parts, q, rule, settings, _work_for(q, settings), starts, directions, limits)
+        part = {name: array[first:last].reshape(-1, 3) for name, array in out.items()}
+        _solve_rays(part, q, rule, settings, starts, directions, limits)
 
     run_rows(compute, crop.height, threads, progress)
     return out
@@ -247,7 +251,7 @@ def quadrature_along(
     out = _outputs((n,))
     a = np.ascontiguousarray(starts, np.float64)
     b = np.ascontiguousarray(directions, np.float64)
-    _rays_kernel(*out.values(), q, rule, settings, _work_for(q, settings), a, b, ends)
+    _solve_rays(out, q, rule, settings, a, b, ends)
     return out
 
 

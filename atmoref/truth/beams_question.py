@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref._jit import scalar
+from atmoref._jit import subroutine
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 
 __all__ = [
@@ -96,7 +96,7 @@ class Light(NamedTuple):
     intensity: Triple
 
 
-@scalar
+@subroutine
 def light_at(lights: Floats, i: int) -> Light:
     """Return light ``i`` of a question."""
     return Light(
