@@ -1,0 +1,61 @@
+"""What went wrong, as an exit code and one message."""
+
+from __future__ import annotations
+
+import os
+
+NEGATIVE, WRONG_REQUEST, NOT_POSSIBLE = 1, 2, 3
+SIGNALLED = 128
+
+
+class RequestError(ValueError):
+    """What was asked for on the command line is wrong; the message says what is allowed."""
+
+
+class Signalled(BaseException):
+    """A signal asks the process to end; raised in the main thread, so that everything is cleaned up on the way out."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def verdict_of(error: BaseException) -> tuple[int, str]:
+    """Return the exit code for an exception, and its message (empty: nothing is to be said)."""
+    if isinstance(error, KeyboardInterrupt):
+        return SIGNALLED + 2, "interrupted"
+    if isinstance(error, Signalled):
+        return SIGNALLED + error.number, f"ended by signal {error.number}"
+    if isinstance(error, BrokenPipeError):
+        return SIGNALLED + 13, ""
+    if isinstance(error, _wrong_requests()):
+        return WRONG_REQUEST, str(error)
+    if isinstance(error, MemoryError):
+        return NOT_POSSIBLE, str(error) or "out of memory"
+    if isinstance(error, OSError):
+        return NOT_POSSIBLE, _told(error)
+    if isinstance(error, _broken_files()):
+        return NOT_POSSIBLE, str(error)
+    return NOT_POSSIBLE, (
+        f"{type(error).__name__}: {error} "
+        "(a defect of atmoref, not of the request; with ATMOREF_TRACEBACK=1 it says where)"
+    )
+
+
+def _wrong_requests() -> tuple[type[BaseException], ...]:
+    from atmoref.compare import CompareError
+    from atmoref.images import ImageError
+    from atmoref.scene import SceneError
+
+    return RequestError, SceneError, ImageError, CompareError
+
+
+def _broken_files() -> tuple[type[BaseException], ...]:
+    from atmoref.store import StoreError
+
+    return (StoreError,)
+
+
+def _told(error: OSError) -> str:
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"{os.fsdecode(error.filename)}: {reason}" if isinstance(error.filename, str | bytes) else reason
