@@ -1,10 +1,11 @@
 """Passes over named buffers, draw by draw: the order in which a GPU build works, and the means to look inside.
 
-A pass is one or more draws of one stage.  `run` executes whole passes, row blocks on a pool of threads; with a `watch` it
-goes draw by draw instead, so that every stored value can be dumped, or replaced by a GPU's (`inject`).  Both orders give the
-same bits, because all state between draws lives in the buffers.
+A pass is one or more draws of one stage.  `run` executes whole passes, row blocks on a pool of threads; with a `watch`
+it goes draw by draw instead, so that every stored value can be dumped, or replaced by a GPU's (`inject`).  Both orders
+give the same bits, because all state between draws lives in the buffers.
 """
 
+import itertools
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -67,7 +68,7 @@ def default_threads() -> int:
 
 def _blocks(row0: int, row1: int, count: int) -> list[tuple[int, int]]:
     edges = [row0 + (row1 - row0) * i // count for i in range(count + 1)]
-    return [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if a < b]
+    return [(a, b) for a, b in itertools.pairwise(edges) if a < b]
 
 
 def _run_pass(p: Pass, d0: int, d1: int, pool: ThreadPoolExecutor | None, threads: int, progress: Progress) -> None:

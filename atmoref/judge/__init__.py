@@ -1,1 +1,1 @@
-"""."""
+"""Verdicts over both wings: mirrors against truths, and where their difference comes from."""

@@ -1,9 +1,10 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """The main loop of the light beams: sub-planes gathered into f_h, then one main plane f_h c_k q, slab after slab.
 
-Draw d of slab k is its sub-plane j (d = first[k] + k + j), or, after the last of them, its main plane.  A call draws any
-range [d0, d1).  f_h lives in its buffer between calls and in registers, in the buffer's own format, within one: so one
-call and one call per draw agree to the last bit.
+Draw d of slab k is its sub-plane j (d = first[k] + k + j), or, after the last of them, its main plane.  A call draws
+any range [d0, d1).  f_h lives in its buffer between calls and in registers, in the buffer's own format, within one: so
+one call and one call per draw agree to the last bit.
 """
 
 from typing import Any, NamedTuple
@@ -100,7 +101,23 @@ def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, 
 
 @device
 def draw_main_plane(
-    arith, form, rules, switches, slab, slab_switches, q, mesh, quadrature, draws, pixel, k, h, stored, probe, trace, count
+    arith,
+    form,
+    rules,
+    switches,
+    slab,
+    slab_switches,
+    q,
+    mesh,
+    quadrature,
+    draws,
+    pixel,
+    k,
+    h,
+    stored,
+    probe,
+    trace,
+    count,
 ):
     """Blend ONE, ONE main plane k, f_h c_k q, into the frame's registers."""
     frame_rules, fast_rules = rules

@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """The vertex stage of a full-screen pass: a lane of pixels as rays of the camera.
 
 Rows count from the bottom (OpenGL).  A ray's parameter is eye-space depth z, so a screen-parallel plane has one z and
@@ -46,7 +47,7 @@ class Ray(NamedTuple):
 
 @device
 def camera_ray(arith, camera, column, row):
-    """Rays through the centres of N pixels that start at (column, row); camera is lifted."""
+    """Return rays through the centres of N pixels that start at (column, row); camera is lifted."""
     ex = (pixels(arith, int32(column)) * camera.step_x - 1.0) * camera.tan_x
     ey = ((lift(arith, spread_int(int32(row))) + 0.5) * camera.step_y - 1.0) * camera.tan_y
     dx = ex * camera.right_x + ey * camera.up_x + camera.forward_x

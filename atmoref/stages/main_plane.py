@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """Fragment stage of a main plane: c_k q(u, v), the slowly varying factor f_l of one slab [Dobashi 2002, eq. 9].
 
 u, v and c_k come from the vertices of the plane's mesh, as published (D-E15), or from the pixel's own ray.
@@ -20,11 +21,10 @@ from atmoref.lanes import (
     minimum,
     pixels,
     select,
-    sqrt,
     spread_int,
+    sqrt,
     to_int,
 )
-from atmoref.stages.camera import Ray
 from atmoref.tables.q import q_integral
 
 DT_PAPER, DT_COSINE, DT_EXACT = 0, 1, 2  # D-E6
@@ -112,7 +112,7 @@ class Place(NamedTuple):
 
 @device
 def mesh_corner(arith, cells_x, cells_y, mesh_x, mesh_y, column, row):
-    """The triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
+    """Return the triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
     x = pixels(arith, int32(column)) * cells_x
     y = (lift(arith, spread_int(int32(row))) + 0.5) * cells_y
     i = minimum(floor(x), mesh_x - 1.0)
@@ -123,13 +123,17 @@ def mesh_corner(arith, cells_x, cells_y, mesh_x, mesh_y, column, row):
     right, above = first + int32(1), first + int32(mesh_x + 1)
     a = select(lower, first, above + int32(1))
     return Corner(
-        a, select(lower, right, above), select(lower, above, right), select(lower, x, 1.0 - x), select(lower, y, 1.0 - y)
+        a,
+        select(lower, right, above),
+        select(lower, above, right),
+        select(lower, x, 1.0 - x),
+        select(lower, y, 1.0 - y),
     )
 
 
 @device
 def interpolate(arith, attribute, base, corner):
-    """A vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
+    """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
     a = lift(arith, gather(attribute, corner.a + int32(base)))
     b = lift(arith, gather(attribute, corner.b + int32(base)))
     c = lift(arith, gather(attribute, corner.c + int32(base)))
@@ -138,7 +142,7 @@ def interpolate(arith, attribute, base, corner):
 
 @device
 def place(arith, slab, switches, ray, column, row):
-    """What a pixel's ray has in common for all planes."""
+    """Return what a pixel's ray has in common for all planes."""
     cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx
     cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
@@ -150,7 +154,7 @@ def place(arith, slab, switches, ray, column, row):
 
 @device
 def _table(arith, q, channel, slab, switches, u, v):
-    """One channel of q: the table times its range, plus the rest that did not fit."""
+    """Return one channel of q: the table times its range, plus the rest that did not fit."""
     su = minimum(maximum(u * slab.scale_u + slab.offset_u, 0.0), 1.0)
     sv = minimum(maximum(v * slab.scale_v + slab.offset_v, 0.0), 1.0)
     value = bilinear(arith, q.main, channel, su, sv) * slab.range
@@ -161,13 +165,13 @@ def _table(arith, q, channel, slab, switches, u, v):
 
 @device
 def _exact(slab, switches, nodes, weights, sigma, source, u, v, dt):
-    """One channel of q without a table."""
+    """Return one channel of q without a table."""
     return source * q_integral(u, v, dt, sigma, switches.phase, slab.g, slab.cosine, nodes, weights)
 
 
 @device
 def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane, count):
-    """f_l = c_k q(u, v) of main plane `plane` at depth z, three channels."""
+    """Return f_l = c_k q(u, v) of main plane `plane` at depth z, three channels."""
     nodes, weights = quadrature
     dt = slab.dt + ray.length * 0.0
     if switches.dt_mode == DT_EXACT:

@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """The opaque scene with fog [Dobashi 2002, eq. 1]: depth and ambient light first, then one additive pass a light."""
 
 from typing import NamedTuple
@@ -79,7 +80,7 @@ def opaque_base(frame, depth, arith, forms, rules, uniforms, solids, window):
 
 @device
 def _fog(surface, switches, mu, distance, t):
-    """What the air leaves of a surface's radiance: exp(-sigma_t T), or g(T) as eq. (1) prints it (D-E1)."""
+    """Return what the air leaves of a surface's radiance: exp(-sigma_t T), or g(T) as eq. (1) prints it (D-E1)."""
     r = exp(t * surface.sigma_r * -1.0)
     g = exp(t * surface.sigma_g * -1.0)
     b = exp(t * surface.sigma_b * -1.0)

@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """Rays against spheres, boxes and ground planes, in lanes: what a GPU build rasterises, without tessellation."""
 
 from typing import Any, NamedTuple
@@ -41,7 +42,10 @@ class Hit(NamedTuple):
 
 @device
 def sphere_roots(arith, sphere, dx, dy, dz):
-    """Whether the line meets the sphere, and both parameters; sqrt(d.d r^2 - |c x d|^2) loses no digits far away."""
+    """Return whether the line meets the sphere, and both parameters.
+
+    sqrt(d.d r^2 - |c x d|^2) loses no digits far away.
+    """
     x, y, z = lift(arith, sphere[0]), lift(arith, sphere[1]), lift(arith, sphere[2])
     radius = lift(arith, sphere[3])
     along = x * dx + y * dy + z * dz
@@ -62,7 +66,7 @@ def _slab(arith, low, high, d):
 
 @device
 def box_roots(arith, box, dx, dy, dz):
-    """Whether the line meets the box, both parameters, and the three entries (for the normal)."""
+    """Return whether the line meets the box, both parameters, and the three entries (for the normal)."""
     x0, x1 = _slab(arith, box[0], box[3], dx)
     y0, y1 = _slab(arith, box[1], box[4], dy)
     z0, z1 = _slab(arith, box[2], box[5], dz)
@@ -73,27 +77,27 @@ def box_roots(arith, box, dx, dy, dz):
 
 @device
 def ground_root(arith, height, dy):
-    """The parameter at which a ray meets the plane y = height; FAR when parallel."""
+    """Return the parameter at which a ray meets the plane y = height; FAR when parallel."""
     parallel = (dy < 1e-20) & (dy > -1e-20)
     return select(parallel, FAR, lift(arith, height) / select(parallel, 1e-20, dy))
 
 
 @device
 def _first(enter, leave):
-    """The nearer parameter ahead of the origin (an origin inside sees the exit)."""
+    """Return the nearer parameter ahead of the origin (an origin inside sees the exit)."""
     return select(enter > 0.0, enter, leave)
 
 
 @device
 def between(meets, enter, leave):
-    """Does the object cut the open segment from parameter 0 to 1?"""
+    """Return the mask of lanes whose open segment from parameter 0 to 1 the object cuts."""
     t = _first(enter, leave)
     return meets & (t > 0.0) & (t < 1.0)
 
 
 @subroutine
 def occluded(arith, solids, dx, dy, dz, own):
-    """Mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility."""
+    """Return the mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility."""
     blocked = own < spread_int(int32(-2))
     for i in range(solids.spheres.shape[0]):
         meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
@@ -109,13 +113,13 @@ def occluded(arith, solids, dx, dy, dz, own):
 
 @device
 def _sign(test, d):
-    """The outward normal's component on the box axis that `test` says was entered."""
+    """Return the outward normal's component on the box axis that `test` says was entered."""
     return select(test, select(d > 0.0, d * 0.0 - 1.0, d * 0.0 + 1.0), 0.0)
 
 
 @device
 def nearest_hit(arith, solids, dx, dy, dz):
-    """The nearest object ahead of the origin along d (not necessarily a unit vector)."""
+    """Return the nearest object ahead of the origin along d (not necessarily a unit vector)."""
     zero = dx * 0.0
     t, nx, ny, nz = zero + FAR, zero, zero, zero
     found = spread_int(int32(NOTHING))

@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """Depth of the scene as the spotlight sees it: window depth a - b / w at each texel centre, nearest object."""
 
 from typing import NamedTuple

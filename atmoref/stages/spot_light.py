@@ -1,10 +1,11 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """The fragment stage that every lit pass shares: light map and shadow map projected onto a point of a view ray.
 
-A point of the ray is eye + z d.  The spot's texture coordinates are (u, v, w) = rows z + offsets, divided by w, with
-w the depth along the light's axis; u and v run from 0 to 1 over the square that holds the outer cone.  Shadow maps store
-window depth as the hardware does, a - b / w.  Exact visibility and exact distribution replace the two maps in the method's
-own analysis.
+A point of the ray is eye + z d.  The spot's texture coordinates are (u, v, w) = rows z + offsets, divided by w, with w
+the depth along the light's axis; u and v run from 0 to 1 over the square that holds the outer cone.  Shadow maps store
+window depth as the hardware does, a - b / w.  Exact visibility and exact distribution replace the two maps in the
+method's own analysis.
 """
 
 from typing import Any, NamedTuple
@@ -95,7 +96,7 @@ class Lit(NamedTuple):
 
 @device
 def light_ray(spot, ray):
-    """Rows of the light's projection that belong to these rays; spot is lifted."""
+    """Return rows of the light's projection that belong to these rays; spot is lifted."""
     return LightRay(
         ray.ex * spot.u_x + ray.ey * spot.u_y + spot.u_z,
         ray.ex * spot.v_x + ray.ey * spot.v_y + spot.v_z,
@@ -105,7 +106,7 @@ def light_ray(spot, ray):
 
 @device
 def _cut(span, slope, start):
-    """The part of a span where slope z + start >= 0."""
+    """Return the part of a span where slope z + start >= 0."""
     root = start / select((slope < 1e-30) & (slope > -1e-30), 1e-30, slope) * -1.0
     near = select(slope > 0.0, maximum(span.near, root), span.near)
     far = select(slope < 0.0, minimum(span.far, root), span.far)
@@ -114,7 +115,7 @@ def _cut(span, slope, start):
 
 @device
 def pyramid_span(spot, light):
-    """Depths z > 0 at which w >= 0 and 0 <= u, v <= 1 can hold: five linear conditions.
+    """Return depths z > 0 at which w >= 0 and 0 <= u, v <= 1 can hold: five linear conditions.
 
     Each is loosened by SLACK of the size of its terms, which covers all roundings of the test itself: what lies outside
     the span fails that test for certain, so skipping it is exact.
@@ -133,7 +134,7 @@ def pyramid_span(spot, light):
 
 @device
 def _falloff(switches, spot, u, v, w, distance):
-    """I_l(direction) in closed form (D-E14: at most 1)."""
+    """Return I_l(direction) in closed form (D-E14: at most 1)."""
     if switches.falloff == LINEAR_ANGLE:
         x, y = (u * 2.0 - 1.0) * spot.tan_outer, (v * 2.0 - 1.0) * spot.tan_outer
         angle = atan2(sqrt(x * x + y * y), x * 0.0 + 1.0)
@@ -145,7 +146,7 @@ def _falloff(switches, spot, u, v, w, distance):
 
 @device
 def _visible(arith, switches, spot, maps, solids, ray, z, own, u, v, iw):
-    """H: 0 or 1, or a fraction from percentage-closer filtering."""
+    """Return H: 0 or 1, or a fraction from percentage-closer filtering."""
     if switches.exact_visibility != 0:
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
         return select(occluded(arith, solids, dx, dy, dz, own), iw * 0.0, 1.0)
@@ -155,7 +156,10 @@ def _visible(arith, switches, spot, maps, solids, ray, z, own, u, v, iw):
 
 @device
 def illuminate(arith, switches, spot, maps, solids, ray, light, z, own):
-    """I_l H at eye + z d; `own` is the object a surface point belongs to (it cannot shadow itself), -1 in the air."""
+    """Return I_l H at eye + z d.
+
+    `own` is the object that a surface point belongs to (it cannot shadow itself), -1 in the air.
+    """
     zero = light.w * 0.0
     w = light.w * z + spot.w_0
     iw = (zero + 1.0) / maximum(w, spot.least_w)

@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """One sub-plane of a slab: light map times shadow times its share, added to f_h [Dobashi 2002, eq. 10]."""
 
 from typing import Any, NamedTuple

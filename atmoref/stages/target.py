@@ -1,4 +1,5 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """A three-channel render target: planes r, g, b of one flat array, each blended by the rule of its channel."""
 
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ class Colour(NamedTuple):
 
 @compiled_only
 def channel_rule(form: Any, rules: Any, channel: int) -> Any:
-    """The rule of one channel: only r11g11b10f (class Mixed) has channels that differ."""
+    """Return the rule of one channel: only r11g11b10f (class Mixed) has channels that differ."""
 
 
 @overload(channel_rule)
@@ -30,13 +31,13 @@ def _channel_rule(form: Any, rules: Any, channel: int) -> Any:
 
 @device
 def read_colour(arith, data, at, size):
-    """The stored colour of N texels; planes are `size` apart."""
+    """Return the stored colour of N texels; planes are `size` apart."""
     return Colour(read(arith, data, at), read(arith, data, at + size), read(arith, data, at + 2 * size))
 
 
 @device
 def write_colour(data, at, size, colour):
-    """The opposite of `read_colour`."""
+    """Return the opposite of `read_colour`."""
     write(data, at, colour.r)
     write(data, at + size, colour.g)
     write(data, at + 2 * size, colour.b)
@@ -54,7 +55,7 @@ def add_colour(form, rules, stored, r, g, b):
 
 @device
 def encode_colour(form, rules, r, g, b):
-    """What a replaced texel stores."""
+    """Return what a replaced texel stores."""
     return Colour(
         encode(form, rules[0], r),
         encode(form, channel_rule(form, rules, 1), g),

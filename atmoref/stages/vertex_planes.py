@@ -1,7 +1,9 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """The previous method [Dobashi 2002, sec. 4.1]: every plane adds vertex colour g dt times light map times shadow.
 
-One draw a plane.  g comes from the vertices of a fine mesh (quantised like any vertex colour) or from the pixel's own ray.
+One draw a plane.  g comes from the vertices of a fine mesh (quantised like any vertex colour) or from the pixel's own
+ray.
 """
 
 from typing import Any, NamedTuple
@@ -16,7 +18,6 @@ from atmoref.stages.beam_planes import (
     MAIN_LIT_WAVES,
     MAIN_WAVES,
     SUB_SAMPLES,
-    BeamUniforms,
     probe_values,
 )
 from atmoref.stages.camera import camera_ray
@@ -34,7 +35,7 @@ class VertexDraws(NamedTuple):
 
 @device
 def _attenuation(slab, switches, distance, path, mu, dt):
-    """g dt = rho F(alpha) exp(-sigma_t (s + t)) / s^2 dt, three channels [eq. 3]."""
+    """Return g dt = rho F(alpha) exp(-sigma_t (s + t)) / s^2 dt, three channels [eq. 3]."""
     common = lane_phase(switches.phase, slab.g, mu * slab.cosine) / (distance * distance) * dt
     r = slab.source_r * common * exp(path * slab.sigma_r * -1.0)
     g, b = r, r
@@ -46,7 +47,7 @@ def _attenuation(slab, switches, distance, path, mu, dt):
 
 @device
 def plane_source(arith, slab, switches, colours, ray, corner, z, plane, count):
-    """g dt of one plane, from the mesh or from the pixel."""
+    """Return g dt of one plane, from the mesh or from the pixel."""
     vertices = (switches.mesh_x + 1) * (switches.mesh_y + 1)
     if switches.vertex != 0:
         r = interpolate(arith, colours, plane * vertices, corner)

@@ -1,8 +1,9 @@
-# mypy: allow-untyped-defs, allow-untyped-calls  (kernels: Numba infers their types)
+# mypy: allow-untyped-defs, allow-untyped-calls
+# (kernel code is typed by Numba)
 """q(u, v): what one slab of fog scatters to the eye from a point light, without visibility and light distribution.
 
-Computation [Dobashi 2002, eq. 9].  With the light as origin, u along the view ray (away from the eye) and v the distance
-of the ray from the light,
+Computation [Dobashi 2002, eq. 9].  With the light as origin, u along the view ray (away from the eye) and v the
+distance of the ray from the light,
 
     q(u, v) = integral from u to u + dt of rho F(alpha) exp(-sigma_t (s + u' - u)) / s^2 du',   s^2 = u'^2 + v^2.
 
@@ -13,8 +14,8 @@ The variable delta = pi - alpha = atan2(v, u') removes the peak 1/s^2, since du'
 The integrand has a boundary layer at delta -> 0 (the ray runs away from the light, D-E3: back scattering) and a forward
 peak at delta -> pi, so the range is split geometrically towards both ends, with one Gauss-Legendre rule a piece.
 
-Precomputation.  Samples stand on the borders of the domain (first and last texel centre), because a bilinear read clamps
-half a texel outside them: for a table that starts at v = 3.85 m that border row held the largest error, 1.3 %.
+Precomputation.  Samples stand on the borders of the domain (first and last texel centre), because a bilinear read
+clamps half a texel outside them: for a table that starts at v = 3.85 m that border row held the largest error, 1.3 %.
 
 Look-up.  `table_coordinate` maps u or v to a texture coordinate.
 """
@@ -54,7 +55,7 @@ class Fog(NamedTuple):
 
 @device
 def _piece_end(low):
-    """Where the piece that starts at delta = low ends, before clamping to the range."""
+    """Return where the piece that starts at delta = low ends, before clamping to the range."""
     early = minimum(low * 4.0, QUARTER_TURN)
     late = select(low < PI - FORWARD, PI - (PI - low) * 0.25, low + FORWARD)
     return select(low < QUARTER_TURN, early, late)
@@ -62,7 +63,7 @@ def _piece_end(low):
 
 @subroutine
 def q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
-    """q / (rho F scale) in 1/m^2 times m times 1/sr: eq. (9) for one extinction; u, v, dt are lanes."""
+    """Return q / (rho F scale) in 1/m^2 times m times 1/sr: eq. (9) for one extinction; u, v, dt are lanes."""
     v = maximum(v, LEAST_V_M)
     end = u + dt
     low = atan2(v, end)
@@ -162,6 +163,7 @@ def q_table(domain: QDomain, dt_m: float, fog: Fog) -> NDArray[np.float64]:
     kind = next(name for name, code in PHASE_FUNCTIONS.items() if code == fog.kind)
     parameters: dict[str, Any] = {
         "u0_m": domain.u0_m, "u1_m": domain.u1_m, "v0_m": domain.v0_m, "v1_m": domain.v1_m, "size": domain.size,
-        "dt_m": dt_m, "sigma_t_per_m": fog.sigma_t, "phase_function": kind, "g": fog.g, "cosine": fog.cosine, "nodes": NODES,
+        "dt_m": dt_m, "sigma_t_per_m": fog.sigma_t, "phase_function": kind, "g": fog.g, "cosine": fog.cosine,
+        "nodes": NODES,
     }  # fmt: skip
     return load_or_build("q", VERSION, parameters, build)["q"]

@@ -1,11 +1,12 @@
 """Where the planes of one light stand: interval, count, sub-planes [Dobashi 2002, sec. 4.2].
 
-All of it is decided on the host, in float64 and with the exact integral: a table in 8 bits would move the counts (in the
-reconstruction of Figure 4 a change of 0.5 % in brightness changes the number of sub-planes).
+All of it is decided on the host, in float64 and with the exact integral: a table in 8 bits would move the counts (in
+the reconstruction of Figure 4 a change of 0.5 % in brightness changes the number of sub-planes).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -83,7 +84,7 @@ def base_distance(scene: Scene, frame: LightFrame, params: SpotlightParameters, 
 
 
 def _to_ground(frame: LightFrame, height: float) -> float:
-    """Return the depth at which all of the pyramid has passed the plane y = height; infinite if some of it never does."""
+    """Return the depth at which all of the pyramid has passed y = height; infinite if some of it never does."""
     drop = height - frame.position[1]
     farthest = 0.0
     for x, y in ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)):
@@ -151,9 +152,7 @@ def _greatest_q(fog: Fog, scale: float, dt_m: float, reach: float, v_ref: float)
     return best
 
 
-def interval(
-    scene: Scene, frame: LightFrame, base_m: float, params: BeamsParameters, sources: Vec3
-) -> float:
+def interval(scene: Scene, frame: LightFrame, base_m: float, params: BeamsParameters, sources: Vec3) -> float:
     """Return dt: the greatest multiple of delta_min whose q does not exceed i_max (D-E7, D-E8), at most delta_max.
 
     If even delta_min exceeds it, delta_min is kept; the table clamps.
@@ -220,8 +219,8 @@ def sub_plane_fractions(count: int, positions: str) -> tuple[list[float], list[i
 
 
 def shares(cumulative: list[int], whole: int, weights: str, top: int | None) -> list[float]:
-    """Return the weights of a slab's sub-planes: fractions, or codes of a unorm format that add up to its top (D-E12)."""
-    pairs = list(zip(cumulative[:-1], cumulative[1:], strict=True))
+    """Return the weights of a slab's sub-planes: fractions, or codes that add up to a unorm format's top (D-E12)."""
+    pairs = itertools.pairwise(cumulative)
     if weights == "telescoped" and top is not None:
         return [(top * b // whole - top * a // whole) / top for a, b in pairs]
     return [(b - a) / whole for a, b in pairs]
@@ -263,7 +262,7 @@ def beam_plan(
             f"base_distance_m"
         )
     count = 0 if far <= near else (math.ceil(ratio) if params.plane_count == "ceil" else math.floor(ratio)) + 1
-    main_z = near + dt * np.arange(count)
+    main_z = near + dt * np.arange(count, dtype=np.float64)
     cosine = -1.0 if params.scattering_angle == "backward" else 1.0
     f_l = centre_f_l(scene, frame, main_z, dt, sources, cosine) if count else np.zeros(0)
     sub_z: list[float] = []
@@ -282,7 +281,7 @@ def beam_plan(
         slab += [k] * m
         share += shares(cumulative, whole, params.sub_plane_weights, f_h_top)
         first.append(len(sub_z))
-    weight = np.array(share, np.float64) * (dt if params.f_h == "printed" else 1.0)
+    weight: NDArray[np.float64] = np.array(share, np.float64) * (dt if params.f_h == "printed" else 1.0)
     return BeamPlan(
         base_m, near, far, dt, main_z, np.array(first, np.int32), np.array(sub_z, np.float64),
         np.array(slab, np.int32), weight, f_l,

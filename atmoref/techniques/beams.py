@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref.buffers.formats import Format
-from atmoref.buffers.sampler import Texture, texture
+from atmoref.buffers.formats import Format, decode, encode
+from atmoref.buffers.sampler import texture
 from atmoref.elementary import exp
+from atmoref.lanes import N
 from atmoref.numerics.quadrature import gauss_legendre
 from atmoref.numerics.vectors import cross, dot, minus
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
@@ -42,9 +43,7 @@ TEXTURES = {"q": "unorm8", "light_map": "unorm8", "vertex_colour": "unorm8"}
 BUFFERS: dict[str, dict[str, str]] = {
     "paper": {"frame": "unorm8", "f_h": "frame", **TEXTURES, "depth": "depth24", "shadow_map": "depth24"},
     "corrected": {"frame": "unorm8", "f_h": "frame", **TEXTURES, "depth": "depth24", "shadow_map": "depth24"},
-    "analysis": dict.fromkeys(
-        ("frame", "f_h", "q", "light_map", "vertex_colour", "depth", "shadow_map"), "float64"
-    ),
+    "analysis": dict.fromkeys(("frame", "f_h", "q", "light_map", "vertex_colour", "depth", "shadow_map"), "float64"),
 }
 DT_MODES = {"paper": DT_PAPER, "cosine": DT_COSINE, "exact": DT_EXACT}
 NODES = {"float32": 16, "float64": 32}
@@ -65,15 +64,17 @@ def slab_uniforms(
     right, up, forward = scene.camera.basis()
     offset = minus(scene.camera.position_m, spot.frame.position)
     image = scene.image
-    return Slab(
-        dt_m, *scene.medium.extinction_per_m, *spot.sources, scene.medium.phase_function.g,
-        -1.0 if params.scattering_angle == "backward" else 1.0, *table, *offset,
+    cosine = -1.0 if params.scattering_angle == "backward" else 1.0
+    return Slab._make((
+        dt_m, *scene.medium.extinction_per_m, *spot.sources, scene.medium.phase_function.g, cosine, *table, *offset,
         *cross(offset, right), *cross(offset, up), *cross(offset, forward),
         params.mesh[0] / image.width, params.mesh[1] / image.height,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
-def slab_switches(scene: Scene, spot: Spotlight, params: SpotlightParameters, exact_q: bool, rest: bool) -> SlabSwitches:
+def slab_switches(
+    scene: Scene, spot: Spotlight, params: SpotlightParameters, exact_q: bool, rest: bool
+) -> SlabSwitches:
     """Return the uniform choices of the slab stages."""
     return SlabSwitches(
         PHASE_FUNCTIONS[scene.medium.phase_function.type], DT_MODES[params.dt_mode], int(exact_q), int(rest),
@@ -91,10 +92,8 @@ def mesh_rays(scene: Scene, mesh: tuple[int, int]) -> tuple[NDArray[np.float64],
 
 def encoded(setting: Setting, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values as a buffer format holds them (vertex colours, for example)."""
-    from atmoref.buffers.formats import decode, encode
-
     fmt = setting.formats[name]
-    return decode(encode(values, fmt, setting.device, rounding=setting._rounding(fmt)), fmt)
+    return decode(encode(values, fmt, setting.device, rounding=setting.rounding_of(fmt)), fmt)
 
 
 def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
@@ -122,8 +121,11 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     """Return the q textures, what 1 means in them, and what 1 means in the table of the rest (0 without one).
 
     clamped: min(q, i_max) / i_max, as published; bright parts near the light are lost.
-    scaled: q / useful, where useful = e^(sigma_t t) of the farthest plane: a greater q saturates the frame anyway.
-    overflow: clamped, and a second channel with the rest up to `useful`: all codes still serve the faint parts.
+    scaled: q / useful, where useful = m e^(sigma_t t) of the farthest plane and the greatest number m of sub-planes:
+    with a greater q one lit sub-plane saturates the frame.
+    overflow: clamped, and a second channel with the rest up to `useful`: all codes still serve the faint parts, and the
+    second channel is exactly 0 there, so that a filter of 8 bits adds nothing.
+    split: the same 16 bits as high and low byte of q / useful; finer, but an 8-bit filter rounds the high byte.
     unclamped: as it is (float formats).
     """
     setting, params = stage.setting, stage.params
@@ -135,10 +137,16 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     fog = fogs(stage.scene, -1.0 if params.scattering_angle == "backward" else 1.0)
     q = np.stack([q_table(domain, plan.dt_m, fog[i]) * spot.sources[i] for i in channels], -1)
     farthest = max(stage.scene.medium.extinction_per_m) * plan.far_m
-    useful = max(params.i_max, float(exp(np.float64(min(farthest, 20.0)))))
+    useful = max(params.i_max, float(exp(np.float64(min(farthest, 20.0)))) * float(np.diff(plan.first).max()))
     key = f"{spot.prefix}/q"
     if params.q_storage == "unclamped":
         return QMaps(setting.texture(setting.image(stage.bank, "q", key, q)), blank), 1.0, 0.0
+    if params.q_storage == "split":
+        fine = np.minimum(q / useful, 1.0) * 255.0
+        coarse = np.floor(fine)
+        main = setting.image(stage.bank, "q", key, coarse / 255.0)
+        rest = setting.image(stage.bank, "q", f"{spot.prefix}/q_rest", fine - coarse)
+        return QMaps(setting.texture(main), setting.texture(rest)), useful, useful / 255.0
     top = useful if params.q_storage == "scaled" else params.i_max
     main = setting.image(stage.bank, "q", key, np.minimum(q, top) / top)
     if params.q_storage != "overflow" or useful <= top:
@@ -223,18 +231,12 @@ def build(setting: Setting, params: BeamsParameters, *, trace: bool = False) -> 
     for spot, plan in zip(stage.spots, plans, strict=True):
         counters = np.zeros((height, COUNTERS), np.int64)
         draws = len(plan.main_z) + len(plan.sub_z)
-        probe = np.zeros(max(draws, 1) * len(PROBE) * wave()) if trace else None
+        probe = np.zeros(max(draws, 1) * len(PROBE) * N) if trace else None
         passes.append(slab_pass(stage, spot, plan, counters, probe))
         report["counters"].append(counters)
         report["probe"].append(probe)
         report["lights"].append(describe(plan))
     return passes, bank, report
-
-
-def wave() -> int:
-    from atmoref.lanes import N
-
-    return N
 
 
 def describe(plan: BeamPlan) -> dict[str, Any]:

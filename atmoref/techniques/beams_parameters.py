@@ -29,9 +29,9 @@ def _several(value: Any) -> Any:
 
 Distances = Annotated[
     tuple[_Distance, ...],
-    Strict(False),
-    BeforeValidator(_several),
     Field(min_length=1),
+    Strict(False),
+    BeforeValidator(_several, json_schema_input_type=_Distance | list[_Distance]),
     Allowed("one number for all lights, or a list with one number per light, each > 0 and <= 1e6 (m)"),
 ]
 
@@ -110,8 +110,10 @@ class BeamsParameters(SpotlightParameters):
         "", "Rounding of f_l / epsilon (D-E11), or no sub-planes beyond the main plane itself.", "floor"
     )
     sub_plane_positions: Literal["printed", "left", "mid", "trap"] = quantity(
-        "", "Depth of sub-plane j in its slab: j/(m-1), j/m, (j+1/2)/m, or j/(m-1) with half weights at the ends (D-E10).", "mid"
-    )  # fmt: skip
+        "",
+        "Depth of sub-plane j in its slab: j/(m-1), j/m, (j+1/2)/m, or j/(m-1) with half weights at the ends (D-E10).",
+        "mid",
+    )
     sub_plane_weights: Literal["equal", "telescoped"] = quantity(
         "", "1/m each, or codes that add up to the format's top (D-E12).", "telescoped"
     )
@@ -124,10 +126,10 @@ class BeamsParameters(SpotlightParameters):
     q: Literal["table", "exact"] = quantity("", "q from a texture, or integrated for each pixel and plane.", "table")
     q_table_size: int = quantity("texels", "Edge of the square q table.", 256, ge=2, le=MAX_TEXTURE)
     q_least_v_m: float = quantity("m", "Least distance from the light in the table.", 0.05, gt=0.0, le=1e6)
-    q_storage: Literal["clamped", "scaled", "overflow", "unclamped"] = quantity(
+    q_storage: Literal["clamped", "scaled", "overflow", "split", "unclamped"] = quantity(
         "",
         "q clamped at i_max as published; divided by the greatest useful q; clamped, with the rest in a second "
-        "channel; or as it is (float formats).",
+        "channel; high and low byte in two channels; or as it is (float formats).",
         "overflow",
     )
 
@@ -138,7 +140,9 @@ class BeamsParameters(SpotlightParameters):
         if self.dt_mode == "exact" and self.coordinates != "pixel":
             raise contradiction(("dt_mode",), '"exact"', '"paper" or "cosine" with coordinates = "vertex"')
         if self.delta_min_m > self.delta_max_m:
-            raise contradiction(("delta_min_m",), f"{self.delta_min_m}", f"at most delta_max_m = {self.delta_max_m} (m)")
+            raise contradiction(
+                ("delta_min_m",), f"{self.delta_min_m}", f"at most delta_max_m = {self.delta_max_m} (m)"
+            )
         return self
 
 

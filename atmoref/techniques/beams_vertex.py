@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.elementary import exp
-from atmoref.numerics.vectors import dot, minus
+from atmoref.lanes import N
+from atmoref.numerics.vectors import minus
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS, evaluate
 from atmoref.pipeline import Bank, Pass
 from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms
@@ -46,7 +47,7 @@ def plane_depths(near_m: float, far_m: float, params: BeamsVertexParameters) -> 
         return np.zeros(0), 1.0
     dt = (far_m - near_m) / params.planes
     shift = 0.5 if params.plane_positions == "mid" else 0.0
-    return near_m + dt * (np.arange(params.planes) + shift), dt
+    return near_m + dt * (np.arange(params.planes, dtype=np.float64) + shift), dt
 
 
 def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: float) -> NDArray[np.float64]:
@@ -115,11 +116,17 @@ def build(
         near, far = extent(scene, spot.frame, base_m, params.bounds)
         z, dt = plane_depths(near, far, params)
         counters = np.zeros((scene.image.height, COUNTERS), np.int64)
-        probe = np.zeros(max(len(z), 1) * len(PROBE) * beams.wave()) if trace else None
+        probe = np.zeros(max(len(z), 1) * len(PROBE) * N) if trace else None
         passes.append(planes_pass(stage, spot, z, dt, counters, probe))
         report["counters"].append(counters)
         report["probe"].append(probe)
         report["lights"].append(
-            {"interval_m": dt, "main_planes": len(z), "sub_planes": 0, "depth_m": [near, far], "base_distance_m": base_m}
+            {
+                "interval_m": dt,
+                "main_planes": len(z),
+                "sub_planes": 0,
+                "depth_m": [near, far],
+                "base_distance_m": base_m,
+            }
         )
     return passes, bank, report

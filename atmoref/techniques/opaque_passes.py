@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from atmoref.buffers.blend import Mixed
-from atmoref.buffers.sampler import Texture, texture
+from atmoref.buffers.sampler import texture
 from atmoref.numerics.vectors import Vec3, minus
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene

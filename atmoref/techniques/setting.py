@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +53,11 @@ class Setting:
     def rules(self, name: str) -> tuple[Rule, Rule, Rule]:
         """Return the rules of a buffer's three channels."""
         fmt = self.formats[name]
-        a, b, c = (rule(fmt, self.device, self._rounding(fmt), channel) for channel in range(3))
+        a, b, c = (rule(fmt, self.device, self.rounding_of(fmt), channel) for channel in range(3))
         return a, b, c
 
-    def _rounding(self, fmt: Format) -> Rounding | None:
+    def rounding_of(self, fmt: Format) -> Rounding | None:
+        """Return the scene's override where it applies: stores of unorm codes."""
         return self.rounding if fmt.kind == "unorm" else None
 
     def target(self, bank: Bank, name: str, key: str, width: int, height: int, channels: int = 3) -> Buffer:
@@ -85,7 +86,7 @@ class Setting:
         texels = values if values.ndim == 3 else values[..., None]
         height, width, channels = texels.shape
         buffer = self._allocate(bank, name, key, width, height, channels, Mixed())
-        buffer.put(texels[::-1], self.device, self._rounding(self.formats[name]))
+        buffer.put(texels[::-1], self.device, self.rounding_of(self.formats[name]))
         return buffer
 
     def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Texture:
@@ -154,7 +155,7 @@ def make_setting(
     formats = {n: FORMATS[names["frame"] if f == "frame" else f] for n, f in names.items()}
     for name in formats:
         _check_format(scene, name, formats[name])
-    chosen = cast(Arithmetic, asked.arithmetic or arithmetic)
+    chosen = asked.arithmetic or arithmetic
     device = DEVICES[asked.device]
     if asked.rounding is not None and not device.rounding_is_open:
         raise SceneError(

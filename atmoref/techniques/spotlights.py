@@ -1,6 +1,7 @@
 """From scene to uniforms, once: what a driver program hands the shaders of the light beams.
 
-All in float64 with + - * / and square roots, and transcendentals of ours, so that uniforms have the same bits everywhere.
+All in float64 with + - * / and square roots, and transcendentals of ours, so that uniforms have the same bits
+everywhere.
 """
 
 from __future__ import annotations
@@ -73,10 +74,8 @@ class LightFrame:
         """Return apex and base corners of the bounding pyramid, metres."""
         found = [self.position]
         for x, y in ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)):
-            ray = self.corner_ray(x, y)
-            found.append((
-                self.position[0] + base_m * ray[0], self.position[1] + base_m * ray[1], self.position[2] + base_m * ray[2]
-            ))  # fmt: skip
+            ray = scaled(self.corner_ray(x, y), base_m)
+            found.append((self.position[0] + ray[0], self.position[1] + ray[1], self.position[2] + ray[2]))
         return found
 
     def corner_ray(self, x: float, y: float) -> Vec3:
@@ -96,9 +95,9 @@ class LightFrame:
             angle = atan2(np.sqrt(square), np.ones_like(square))
             span = self.outer - self.inner
             part = (self.outer - angle) * (1.0 / span if span > 0.0 else STEP)
-            return self.peak * np.clip(part, 0.0, 1.0)
+            return np.asarray(self.peak * np.clip(part, 0.0, 1.0))
         part = np.clip((1.0 / np.sqrt(1.0 + square) - _cosine(self.outer)) * self._inverse_cosine_span(), 0.0, 1.0)
-        return self.peak * (part * part * (3.0 - 2.0 * part))
+        return np.asarray(self.peak * (part * part * (3.0 - 2.0 * part)))
 
     def _inverse_cosine_span(self) -> float:
         span = _cosine(self.inner) - _cosine(self.outer)
@@ -118,10 +117,10 @@ class LightFrame:
         v = tuple(half * a + 0.5 * b for a, b in zip(row(self.up), w, strict=True))
         depth_a, depth_b = window_depth(params.shadow_near_m, far_m)
         span = self.outer - self.inner
-        return Spot(
+        return Spot._make((
             *u, *v, *w, *offset, LEAST_W_M, depth_a, depth_b, depth_b * params.shadow_bias_m, self.peak, self.tan_outer,
             _cosine(self.outer), self._inverse_cosine_span(), self.outer, 1.0 / span if span > 0.0 else STEP,
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def shadow_uniforms(self, size: int, near_m: float, far_m: float) -> ShadowUniforms:
         """Return the uniforms of the light's own camera."""
@@ -182,7 +181,7 @@ def source(scene: Scene, light: SceneSpot, params: SpotlightParameters) -> Vec3:
 
 
 def all_equal(*triples: Vec3) -> bool:
-    """Are the channels of every triple equal?"""
+    """Return whether the channels of every triple are equal."""
     return all(t[0] == t[1] == t[2] for t in triples)
 
 
@@ -194,9 +193,7 @@ def switches(frame: LightFrame, params: SpotlightParameters, grey_light: bool, g
     )  # fmt: skip
 
 
-def surface_uniforms(
-    scene: Scene, light: SceneSpot, params: SpotlightParameters
-) -> tuple[Surface, SurfaceSwitches]:
+def surface_uniforms(scene: Scene, light: SceneSpot, params: SpotlightParameters) -> tuple[Surface, SurfaceSwitches]:
     """Return uniforms of the opaque pass for one light."""
     medium = scene.medium
     surface = Surface(
