@@ -5,6 +5,8 @@ It shares scene and optics with the techniques and nothing of a method: docs/dec
 
 from __future__ import annotations
 
+import sys
+import types
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -69,3 +71,12 @@ def solve(
     from atmoref.truth.beams import solve_beams
 
     return solve_beams(scene, method, threads, rtol, samples, seed, crop, progress, ambient)
+
+
+class _CallableRoom(types.ModuleType):
+    """A package that is also the function it is named after: ``atmoref.truth`` is ``atmoref.truth.solve``."""
+
+    __call__ = staticmethod(solve)
+
+
+sys.modules[__name__].__class__ = _CallableRoom

@@ -37,6 +37,7 @@ _STACK = 96
 _MAX_DEPTH = 60
 _CHOP = 32.0  # no first panel spans more than this ratio of theta
 _NEGLIGIBLE = 80.0  # optical depth: exp(-80) = 2e-35
+_PEAK = 1e-3  # theta within which every phase function of a scene is flat
 _FLOOR = 1e-300  # absolute: below this nothing is refined
 _ULP = 2.220446049250313e-16
 _ULPS = 2.0  # of rounding in one value of the integrand, apart from what its conditioning makes of it
@@ -186,19 +187,19 @@ def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
         dim = math.exp(-tau)
         k0 += fine * f * dim
         c0 += coarse * f * dim
-        n0 += fine * dim * (rounding + f * _ULP * tau)
+        n0 += fine * dim * (rounding + f * _ULPS * _ULP * tau)
         if groups > 1:
             tau = medium.distinct[1] * path
             dim = math.exp(-tau)
             k1 += fine * f * dim
             c1 += coarse * f * dim
-            n1 += fine * dim * (rounding + f * _ULP * tau)
+            n1 += fine * dim * (rounding + f * _ULPS * _ULP * tau)
         if groups > 2:
             tau = medium.distinct[2] * path
             dim = math.exp(-tau)
             k2 += fine * f * dim
             c2 += coarse * f * dim
-            n2 += fine * dim * (rounding + f * _ULP * tau)
+            n2 += fine * dim * (rounding + f * _ULPS * _ULP * tau)
     value[0], value[1], value[2] = half * k0, half * k1, half * k2
     error[0], error[1], error[2] = half * abs(k0 - c0), half * abs(k1 - c1), half * abs(k2 - c2)
     noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
@@ -211,22 +212,28 @@ def _angle(v, u):
 
 
 @subroutine
-def _first_panels(v, sigma, start, end, kind, settings, work, n):
+def _first_panels(v, least, thin, start, end, kind, settings, work, n):
     """Append the first panels of a lit piece [start, end] of u, which lies on one side of 0; return the new count.
 
-    -1 means that the piece contains the light itself: its radiance is infinite.
+    Panels shrink towards theta = 0 until nothing is left to change there: the phase function's peak (wider than
+    1e-3), and for u > 0 the layers, as wide as sigma_t v, in which the exponentials die. ``least`` is the least
+    extinction, ``thin`` the least that is not 0, if there is one. -1 means that the piece contains the light itself:
+    its radiance is infinite.
     """
     sign = 1.0 if end > 0.0 else -1.0
     a = _angle(v, end) if sign > 0.0 else _angle(v, start)
     b = _angle(v, start) if sign > 0.0 else _angle(v, end)
     if b == math.inf:
         return -1
-    if sign > 0.0 and sigma > 0.0:
-        reach = sigma * v if v > 0.0 else sigma
-        a = max(a, 1.0 / (1.0 / b + 0.5 * _NEGLIGIBLE / reach))
+    scale = v if v > 0.0 else 1.0
+    if sign > 0.0 and least > 0.0:
+        a = max(a, 1.0 / (1.0 / b + 0.5 * _NEGLIGIBLE / (least * scale)))
+    quiet = _PEAK if v > 0.0 else math.inf
+    if sign > 0.0 and thin < math.inf:
+        quiet = min(quiet, thin * scale * 2.0 / _NEGLIGIBLE)
     top = b
     for level in range(MAX_PANELS_PER_PIECE):
-        last = level == MAX_PANELS_PER_PIECE - 1 or top <= _CHOP * a or (sigma == 0.0 and v > 0.0 and top < 1e-3)
+        last = level == MAX_PANELS_PER_PIECE - 1 or top <= _CHOP * a or top < quiet
         bottom = a if last else top / _CHOP
         for j in range(settings.first_split):
             work.span[n, 0] = bottom + (top - bottom) * j / settings.first_split
@@ -313,12 +320,14 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
         How many panels were computed.
     """
     groups = medium.groups
-    least = medium.distinct[0]
+    least = thin = math.inf
     for i in range(groups):
         least = min(least, medium.distinct[i])
+        if medium.distinct[i] > 0.0:
+            thin = min(thin, medium.distinct[i])
     n = 0
     for i in range(pieces):
-        n = _first_panels(line.v, least, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
+        n = _first_panels(line.v, least, thin, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
         if n < 0:
             for c in range(3):
                 value[c] = math.inf
