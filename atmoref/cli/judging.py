@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from atmoref.cli.failures import RequestError
-from atmoref.cli.rendering import Changes, SceneWord
+from atmoref.cli.rendering import Changes, SceneWord, Threads
 
 
 def budget(
@@ -17,6 +18,8 @@ def budget(
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Write the images of every rung here.")
     ] = None,
     changes: Changes = None,
+    threads: Threads = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Print what each step from the analysis to the paper's 8 bits costs, one switch at a time."""
     from atmoref.cli.progress import working
@@ -28,11 +31,11 @@ def budget(
     from atmoref.judge.ladder import ladder
 
     with working(f"budget of {question.name}") as waiting:
-        rungs = ladder(question, progress=waiting)
+        rungs = ladder(question, threads=threads, progress=waiting)
     if output is not None:
         rungs.write(output)
         typer.echo(f"wrote {output}", err=True)
-    typer.echo(rungs.table())
+    typer.echo(json.dumps(rungs.to_dict(), indent=2) if as_json else rungs.table())
 
 
 def demo(
