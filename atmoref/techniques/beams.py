@@ -121,9 +121,9 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     """Return the q textures, what 1 means in them, and what 1 means in the table of the rest (0 without one).
 
     clamped: min(q, i_max) / i_max, as published; bright parts near the light are lost.
-    scaled: q / useful, where useful = m e^(sigma_t t) of the farthest plane and the greatest number m of sub-planes:
-    with a greater q one lit sub-plane saturates the frame.
-    overflow: clamped, and a second channel with the rest up to `useful`: all codes still serve the faint parts, and the
+    scaled: q over e^(sigma_t t) of the farthest plane: a greater q saturates the frame where f_h is 1.
+    overflow: clamped, and a second channel with the rest up to `useful` = m e^(sigma_t t), m the greatest number of
+    sub-planes: with a greater q one lit sub-plane saturates the frame.  All codes still serve the faint parts, and the
     second channel is exactly 0 there, so that a filter of 8 bits adds nothing.
     split: the same 16 bits as high and low byte of q / useful; finer, but an 8-bit filter rounds the high byte.
     unclamped: as it is (float formats).
@@ -137,7 +137,8 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     fog = fogs(stage.scene, -1.0 if params.scattering_angle == "backward" else 1.0)
     q = np.stack([q_table(domain, plan.dt_m, fog[i]) * spot.sources[i] for i in channels], -1)
     farthest = max(stage.scene.medium.extinction_per_m) * plan.far_m
-    useful = max(params.i_max, float(exp(np.float64(min(farthest, 20.0)))) * float(np.diff(plan.first).max()))
+    opaque = float(exp(np.float64(min(farthest, 20.0))))
+    useful = max(params.i_max, opaque * float(np.diff(plan.first).max()))
     key = f"{spot.prefix}/q"
     if params.q_storage == "unclamped":
         return QMaps(setting.texture(setting.image(stage.bank, "q", key, q)), blank), 1.0, 0.0
@@ -147,7 +148,7 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
         main = setting.image(stage.bank, "q", key, coarse / 255.0)
         rest = setting.image(stage.bank, "q", f"{spot.prefix}/q_rest", fine - coarse)
         return QMaps(setting.texture(main), setting.texture(rest)), useful, useful / 255.0
-    top = useful if params.q_storage == "scaled" else params.i_max
+    top = max(params.i_max, opaque) if params.q_storage == "scaled" else params.i_max
     main = setting.image(stage.bank, "q", key, np.minimum(q, top) / top)
     if params.q_storage != "overflow" or useful <= top:
         return QMaps(setting.texture(main), blank), top, 0.0
