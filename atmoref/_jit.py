@@ -5,10 +5,10 @@
 `kernel` marks what Python calls, `device` what kernels call.  Floats follow IEEE 754: no fastmath, no fused
 multiply-add, 1/0 is infinite.  Kernels release the GIL and are cached on disk.
 
-The cache directory carries a key over everything that can change a binary: the text of every module of this package
-(Numba itself watches only the file in which a kernel stands, not the helpers that are inlined into it), the lane
-width, the versions of Numba and Python.  An edit anywhere therefore starts an empty directory; directories not used
-for 30 days are removed.  Numba keys each entry further by signature and by the processor's name and features.
+The cache directory carries a key over everything that can change a binary: the text of every module of the rooms that
+hold kernels (Numba itself watches only the file in which a kernel stands, not the helpers that are inlined into it), the
+lane width, the versions of Numba and Python.  An edit there starts an empty directory; directories not used for 30 days
+are removed.  Numba keys each entry further by signature and by the processor's name and features.
 """
 
 import contextlib
@@ -30,6 +30,10 @@ from numba.core import caching, config
 from atmoref._cache import writable_root
 
 KEEP_SECONDS: Final = 30 * 86400
+WITHOUT_KERNELS: Final = frozenset(
+    ("cases", "cli", "compare", "export", "images", "judge", "report", "scene", "sequence", "techniques")
+)
+"""Rooms whose modules no kernel is made from (a test looks): editing them keeps every binary."""
 settings: Any = config  # Numba sets its names at run time
 _njit: Any = numba.njit  # its stubs do not know `_nrt`
 _log = logging.getLogger(__name__)
@@ -52,6 +56,8 @@ def _key() -> str:
     package = Path(__file__).parent
     digest = hashlib.sha256(f"{LANES} {numba.__version__} {sys.version}".encode())
     for path in sorted(package.rglob("*.py")):
+        if path.relative_to(package).parts[0] in WITHOUT_KERNELS:
+            continue
         digest.update(f"\0{path.relative_to(package)}\0".encode() + path.read_bytes())
     return digest.hexdigest()[:24]
 
@@ -112,16 +118,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     Without Numba's reference counting: kernels allocate nothing, and counting every array of a tuple of textures
     around each helper cost ten times the arithmetic (1.17 s against 0.1 s for Figure 4 (c)).
     """
-    return _cached(function, _njit(error_model="numpy", nogil=True, fastmath=False, _nrt=False)(function))
-
-
-def pure(function: Callable[..., Any]) -> Any:
-    """Compile an entry point of plain scalar code that may allocate arrays (the truths); else as `kernel`."""
-    return _cached(function, _njit(error_model="numpy", nogil=True, fastmath=False)(function))
-
-
-def _cached(function: Callable[..., Any], dispatcher: Any) -> Any:
-    """Keep a dispatcher's binaries in `CACHE_DIRECTORY`."""
+    dispatcher = _njit(error_model="numpy", nogil=True, fastmath=False, _nrt=False)(function)
     with _decorating:  # other packages' kernels keep their own directory
         before = settings.CACHE_DIR
         settings.CACHE_DIR = str(CACHE_DIRECTORY)
@@ -140,8 +137,3 @@ def device(function: Callable[..., Any]) -> Any:
 def subroutine(function: Callable[..., Any]) -> Any:
     """Compile a helper that stays a call where LLVM sees no gain: long code on a path that is rarely taken."""
     return _njit(error_model="numpy", fastmath=False, _nrt=False)(function)
-
-
-def scalar(function: Callable[..., Any]) -> Any:
-    """Compile a helper of plain scalar code (the truths); LLVM inlines it where that pays."""
-    return _njit(error_model="numpy", fastmath=False)(function)
