@@ -1,0 +1,174 @@
+"""Rays, spotlights and solids of the references: which light a point receives."""
+
+import functools
+import math
+from types import SimpleNamespace
+from typing import Any
+
+from reference.scalar_math import arithmetic, called, inlined
+
+FAR = 1e30
+
+
+def make_solids(real: Any) -> SimpleNamespace:
+    """Intersections with spheres, boxes and horizontal planes; parameters in units of the direction's length."""
+    zero, one, far, tiny = real(0), real(1), real(FAR), real(1e-20)
+
+    @inlined
+    def sphere(s, dx, dy, dz):
+        x, y, z, radius = real(s[0]), real(s[1]), real(s[2]), real(s[3])
+        cx, cy, cz = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
+        dd = dx * dx + dy * dy + dz * dz
+        rest = dd * radius * radius - (cx * cx + cy * cy + cz * cz)
+        if rest <= zero:
+            return far
+        along, root = x * dx + y * dy + z * dz, math.sqrt(rest)
+        enter = (along - root) / dd
+        return enter if enter > zero else (along + root) / dd
+
+    @inlined
+    def faces(low, high, d):
+        if d < tiny and d > -tiny:
+            d = tiny
+        a, b = real(low) / d, real(high) / d
+        return (a, b) if a < b else (b, a)
+
+    @inlined
+    def box(b, dx, dy, dz):
+        """Nearest parameter ahead, and the axis that was entered."""
+        x0, x1 = faces(b[0], b[3], dx)
+        y0, y1 = faces(b[1], b[4], dy)
+        z0, z1 = faces(b[2], b[5], dz)
+        enter, leave = max(x0, y0, z0), min(x1, y1, z1)
+        if not enter < leave:
+            return far, 0
+        axis = 0 if x0 >= max(y0, z0) else (1 if y0 >= z0 else 2)
+        return (enter if enter > zero else leave), axis
+
+    @inlined
+    def ground(height, dy):
+        return far if dy < tiny and dy > -tiny else real(height) / dy
+
+    @called
+    def occluded(solids, dx, dy, dz, own):
+        """Does an object other than `own` cut the segment from the origin to d?"""
+        for i in range(solids.spheres.shape[0]):
+            if solids.sphere_ids[i] != own:
+                t = sphere(solids.spheres[i], dx, dy, dz)
+                if t > zero and t < one:
+                    return True
+        for i in range(solids.boxes.shape[0]):
+            if solids.box_ids[i] != own:
+                t, _ = box(solids.boxes[i], dx, dy, dz)
+                if t > zero and t < one:
+                    return True
+        for i in range(solids.grounds.shape[0]):
+            if solids.ground_ids[i] != own:
+                t = ground(solids.grounds[i], dy)
+                if t > zero and t < one:
+                    return True
+        return False
+
+    @called
+    def nearest(solids, dx, dy, dz):
+        """Nearest object ahead: parameter (FAR: none), id (-1: none), outward normal."""
+        best, found, nx, ny, nz = far, -1, zero, zero, zero
+        for i in range(solids.spheres.shape[0]):
+            s = solids.spheres[i]
+            t = sphere(s, dx, dy, dz)
+            if t > zero and t < best:
+                per_radius = real(1.0 / s[3])
+                best, found = t, solids.sphere_ids[i]
+                nx = (dx * t - real(s[0])) * per_radius
+                ny = (dy * t - real(s[1])) * per_radius
+                nz = (dz * t - real(s[2])) * per_radius
+        for i in range(solids.boxes.shape[0]):
+            t, axis = box(solids.boxes[i], dx, dy, dz)
+            if t > zero and t < best:
+                best, found, nx, ny, nz = t, solids.box_ids[i], zero, zero, zero
+                if axis == 0:
+                    nx = -one if dx > zero else one
+                elif axis == 1:
+                    ny = -one if dy > zero else one
+                else:
+                    nz = -one if dz > zero else one
+        for i in range(solids.grounds.shape[0]):
+            t = ground(solids.grounds[i], dy)
+            if t > zero and t < best:
+                best, found, nx, nz = t, solids.ground_ids[i], zero, zero
+                ny = -one if dy > zero else one
+        return best, found, nx, ny, nz
+
+    return SimpleNamespace(occluded=occluded, nearest=nearest)
+
+
+@functools.cache
+def lighting(real: Any) -> SimpleNamespace:
+    """Return rays, solids and `illuminate` in one precision."""
+    a = arithmetic(real)
+    zero, half, one, two, three = real(0), real(0.5), real(1), real(2), real(3)
+    slightly_more = real(1.0 + 1e-5)
+    bilinear, shadow, atan2 = a.texture.bilinear, a.texture.shadow, a.atan2
+    solids_of = make_solids(real)
+    occluded = solids_of.occluded
+
+    @inlined
+    def camera_ray(camera, column, row):
+        ex = ((real(column) + half) * camera.step_x - one) * camera.tan_x
+        ey = ((real(row) + half) * camera.step_y - one) * camera.tan_y
+        dx = ex * camera.right_x + ey * camera.up_x + camera.forward_x
+        dy = ex * camera.right_y + ey * camera.up_y + camera.forward_y
+        dz = ex * camera.right_z + ey * camera.up_z + camera.forward_z
+        return ex, ey, dx, dy, dz, math.sqrt(ex * ex + ey * ey + one)
+
+    @inlined
+    def light_ray(spot, ray):
+        ex, ey = ray[0], ray[1]
+        return (
+            ex * spot.u_x + ey * spot.u_y + spot.u_z,
+            ex * spot.v_x + ey * spot.v_y + spot.v_z,
+            ex * spot.w_x + ey * spot.w_y + spot.w_z,
+        )
+
+    @inlined
+    def falloff(kind, spot, u, v, w, distance):
+        if kind == 1:
+            x, y = (u * two - one) * spot.tan_outer, (v * two - one) * spot.tan_outer
+            radius = math.sqrt(x * x + y * y)
+            angle = atan2(radius, one) if radius > zero else zero
+            return spot.peak * min(max((spot.outer - angle) * spot.inverse_span, zero), one)
+        part = min(max((w / distance - spot.cos_outer) * spot.inverse_cos_span, zero), one)
+        return spot.peak * (part * part * (three - part * two))
+
+    @inlined
+    def illuminate(switches, spot, maps, solids, ray, light, z, own):
+        """I_l H at eye + z d, three channels; all zero where no light arrives."""
+        w = light[2] * z + spot.w_0
+        if w < spot.least_w:
+            return zero, zero, zero
+        across, upward = light[0] * z + spot.u_0, light[1] * z + spot.v_0
+        if across < zero or upward < zero or across > w * slightly_more or upward > w * slightly_more:
+            return zero, zero, zero  # no division for what is clearly outside
+        iw = one / w
+        u, v = across * iw, upward * iw
+        if u > one or v > one:
+            return zero, zero, zero
+        if switches.exact_visibility != 0 or switches.exact_distribution != 0:
+            dx, dy, dz = ray[2] * z + spot.from_x, ray[3] * z + spot.from_y, ray[4] * z + spot.from_z
+        if switches.exact_visibility != 0:
+            if occluded(solids, dx, dy, dz, own):
+                return zero, zero, zero
+            visible = one
+        else:
+            visible = shadow(maps.shadow, u, v, spot.depth_a - (spot.depth_b + spot.bias * iw) * iw)
+            if not visible > zero:
+                return zero, zero, zero
+        if switches.exact_distribution != 0:
+            r = falloff(switches.falloff, spot, u, v, w, math.sqrt(dx * dx + dy * dy + dz * dz)) * visible
+            return r, r, r
+        r = bilinear(maps.light, 0, u, v) * visible
+        return r, r, r  # the light map has one channel: distributions have no colour
+
+    return SimpleNamespace(
+        arithmetic=a, nearest=solids_of.nearest, camera_ray=camera_ray, light_ray=light_ray, illuminate=illuminate
+    )
