@@ -6,9 +6,9 @@
 multiply-add, 1/0 is infinite.  Kernels release the GIL and are cached on disk.
 
 The cache directory carries a key over everything that can change a binary: the text of every module of the rooms that
-hold kernels (Numba itself watches only the file in which a kernel stands, not the helpers that are inlined into it), the
-lane width, the versions of Numba and Python.  An edit there starts an empty directory; directories not used for 30 days
-are removed.  Numba keys each entry further by signature and by the processor's name and features.
+hold kernels (Numba itself watches only the file in which a kernel stands, not the helpers that are inlined into it),
+the lane width, the versions of Numba and Python.  An edit there starts an empty directory; directories not used for 30
+days are removed.  Numba keys each entry further by signature and by the processor's name and features.
 """
 
 import contextlib

@@ -181,16 +181,20 @@ def interval(scene: Scene, frame: LightFrame, base_m: float, params: BeamsParame
 
 
 def centre_f_l(
-    scene: Scene, frame: LightFrame, depths: NDArray[np.float64], dt_m: float, sources: Vec3, cosine: float
+    scene: Scene, frame: LightFrame, depths: NDArray[np.float64], dt_m: float, sources: Vec3, params: BeamsParameters
 ) -> NDArray[np.float64]:
-    """Return the greatest channel of f_l = c_k q on the ray through the centre of the screen, per depth."""
+    """Return the greatest channel of f_l = c_k q on the ray through the centre of the screen, per depth.
+
+    q counts up to i_max, as in the paper's table: a camera that looks into the light would ask for endless sub-planes.
+    """
     forward = scene.camera.basis()[2]
     offset = minus(scene.camera.position_m, frame.position)
     u = dot(offset, forward) + depths
     v = np.full_like(u, length(cross(offset, forward)))
     best = np.zeros_like(u)
+    cosine = -1.0 if params.scattering_angle == "backward" else 1.0
     for fog, scale in set(zip(fogs(scene, cosine), sources, strict=True)):
-        q = q_values(u, v, dt_m, fog) * scale
+        q = np.minimum(q_values(u, v, dt_m, fog) * scale, params.i_max)
         best = np.maximum(best, exp(-fog.sigma_t * depths) * q)
     return best
 
@@ -263,8 +267,7 @@ def beam_plan(
         )
     count = 0 if far <= near else (math.ceil(ratio) if params.plane_count == "ceil" else math.floor(ratio)) + 1
     main_z = near + dt * np.arange(count, dtype=np.float64)
-    cosine = -1.0 if params.scattering_angle == "backward" else 1.0
-    f_l = centre_f_l(scene, frame, main_z, dt, sources, cosine) if count else np.zeros(0)
+    f_l = centre_f_l(scene, frame, main_z, dt, sources, params) if count else np.zeros(0)
     sub_z: list[float] = []
     slab: list[int] = []
     share: list[float] = []
