@@ -9,6 +9,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from atmoref.cli.signals import Signalled, ended_by_signals
+
 __all__ = ["main"]
 
 
@@ -20,6 +22,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Without the program's name; by default those of the process.
     """
-    from atmoref.cli.program import run
+    with ended_by_signals():
+        try:
+            from atmoref.cli.program import run
 
-    return run(sys.argv[1:] if arguments is None else list(arguments))
+            return run(sys.argv[1:] if arguments is None else list(arguments))
+        except Signalled as early:
+            return 128 + early.number  # before there was anything to say or to clean up

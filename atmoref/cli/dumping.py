@@ -126,6 +126,11 @@ def dumped(target: Path, request: Request) -> Iterator[Dump]:
         temporary.mkdir()
         yield Dump(temporary, request)
         _replace(temporary, target)
+    except OSError as error:
+        if str(error.filename).startswith(str(temporary)):
+            told = str(error.filename).replace(str(temporary), str(target))
+            raise OSError(error.errno, error.strerror, told) from error
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

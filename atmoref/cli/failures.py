@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import os
+import signal
+
+from atmoref.cli.signals import Signalled
 
 NEGATIVE, WRONG_REQUEST, NOT_POSSIBLE = 1, 2, 3
 SIGNALLED = 128
+_SIGNALS = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGPIPE: "",
+}  # nobody reads on: no matter
 
 
 class RequestError(ValueError):
     """What was asked for on the command line is wrong; the message says what is allowed."""
 
 
-class Signalled(BaseException):
-    """A signal asks the process to end; raised in the main thread, so that everything is cleaned up on the way out."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
-
 def verdict_of(error: BaseException) -> tuple[int, str]:
     """Return the exit code for an exception, and its message (empty: nothing is to be said)."""
     if isinstance(error, KeyboardInterrupt):
-        return SIGNALLED + 2, "interrupted"
+        return SIGNALLED + signal.SIGINT, _SIGNALS[signal.SIGINT]
     if isinstance(error, Signalled):
-        return SIGNALLED + error.number, f"ended by signal {error.number}"
-    if isinstance(error, BrokenPipeError):
-        return SIGNALLED + 13, ""
+        return SIGNALLED + error.number, _SIGNALS.get(error.number, f"ended by signal {error.number}")
     if isinstance(error, _wrong_requests()):
         return WRONG_REQUEST, str(error)
     if isinstance(error, MemoryError):
-        return NOT_POSSIBLE, str(error) or "out of memory"
+        own = type(error).__name__ == "OutOfMemory"
+        return NOT_POSSIBLE, str(error) if own else f"out of memory: {error}".removesuffix(": ")
     if isinstance(error, OSError):
         return NOT_POSSIBLE, _told(error)
     if isinstance(error, _broken_files()):

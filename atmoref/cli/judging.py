@@ -61,7 +61,9 @@ def demo(
     from atmoref.judge.figure4 import figure4
 
     with working("Figure 4") as waiting:
-        figure4(output, waiting)
+        measured = figure4(output, waiting)
+    typer.echo(measured)
+    typer.echo(f"wrote {output / 'figure4.png'}, its panels and their differences from the truth", err=True)
 
 
 def make_directory(path: Path) -> None:

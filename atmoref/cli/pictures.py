@@ -59,6 +59,8 @@ def attributes(provenance: Mapping[str, Any]) -> Attributes:
             told[name] = ", ".join(str(v) for v in value)
         else:
             told[name] = value if isinstance(value, str | float | int) else str(value)
+        if told[name] == "":
+            del told[name]
     formats = provenance.get("formats", {})
     if "frame" in formats:
         told["format"] = formats["frame"]

@@ -8,17 +8,16 @@ import logging
 import os
 import signal
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from types import FrameType
 from typing import Annotated, Any
 
 import typer
 from typer.main import get_command
 
 from atmoref.cli import comparing, doctoring, judging, looking, rendering, storing, tracing
-from atmoref.cli.failures import WRONG_REQUEST, RequestError, Signalled, verdict_of
+from atmoref.cli.failures import WRONG_REQUEST, RequestError, verdict_of
+from atmoref.cli.signals import Signalled
 
 LANE_WIDTHS = ("1", "2", "4", "8", "16", "32")
 _USAGE_ERROR = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -81,7 +80,7 @@ def application() -> typer.Typer:
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command; return its exit code after at most one message on stderr."""
-    with _ended_by_signals(), _log_to_stderr():
+    with _log_to_stderr():
         try:
             _check_environment()
             code = get_command(application()).main(list(arguments), "atmoref", standalone_mode=False)
@@ -89,10 +88,10 @@ def run(arguments: Sequence[str]) -> int:
         except SystemExit as stop:
             return stop.code if isinstance(stop.code, int) else WRONG_REQUEST
         except BaseException as error:  # the last place that can turn it into an exit code
-            return _report(error)
+            return report(error)
 
 
-def _report(error: BaseException) -> int:
+def report(error: BaseException) -> int:
     """Say what went wrong, once, and return the exit code."""
     if os.environ.get("ATMOREF_TRACEBACK") == "1":
         traceback.print_exception(error)
@@ -125,25 +124,6 @@ def _check_environment() -> None:
     width = os.environ.get("ATMOREF_LANES", "16")
     if width not in LANE_WIDTHS:
         raise RequestError(f"ATMOREF_LANES: found {width!r}; allowed: {', '.join(LANE_WIDTHS)}")
-
-
-@contextlib.contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Let signals that end the process raise in the main thread, so that every half-made file is removed on the way."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def end(number: int, _frame: FrameType | None) -> None:
-        raise Signalled(number)
-
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {n: signal.signal(n, end) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,8 @@ def write_exr(path: Path, image: Image) -> None:
     ------
     ImageError
         If a finite float64 value overflows float32, or a name is reserved or longer than 255 bytes.
+    OSError
+        If the file system refuses, for example because it is full.
     """
     import OpenEXR
 
@@ -39,7 +43,17 @@ def write_exr(path: Path, image: Image) -> None:
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     header |= _header_attributes(path, image)
     with OpenEXR.File(header, planes) as file:
-        file.write(str(path))
+        try:
+            file.write(str(path))
+        except RuntimeError as error:
+            raise _system_error(path, error) from error
+
+
+def _system_error(path: Path, error: RuntimeError) -> OSError:
+    """Return what OpenEXR met when it wrote: a full disk if its message says so, otherwise some fault of the device."""
+    full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    number = next((n for n in full if os.strerror(n) in str(error)), errno.EIO)
+    return OSError(number, os.strerror(number), str(path))
 
 
 def read_exr(path: Path, max_bytes: int) -> Image:
