@@ -33,7 +33,7 @@ from atmoref.optics.lane_phase import lane_phase
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 from atmoref.store import load_or_build
 
-VERSION = 1
+VERSION = 2
 NODES = 32
 PI = 3.141592653589793
 QUARTER_TURN = 1.5707963267948966
@@ -67,11 +67,12 @@ def q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
     v = maximum(v, LEAST_V_M)
     end = u + dt
     low = atan2(v, end)
-    high = low + atan2(v * dt, u * end + v * v)
+    left = atan2(v * dt, u * end + v * v)  # never as a difference of angles: near the light's back it would cancel
+    high = low + left
     total = v * 0.0
-    while any_lane(low < high):
+    while any_lane(left > 0.0):
         stop = minimum(maximum(_piece_end(low), low), high)
-        step = stop - low
+        step = select(stop < high, stop - low, left)
         piece = v * 0.0
         for n in range(nodes.size):
             half = tan((low + step * nodes[n]) * 0.5)
@@ -81,6 +82,7 @@ def q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
             piece = piece + lane_phase(kind, g, mu) * exp(path * sigma_t * -1.0) * weights[n]
         total = total + piece * step
         low = stop
+        left = left - step
     return total / v
 
 

@@ -70,7 +70,14 @@ def _light(c: dict[str, Any]) -> None:
 def _shadow(c: dict[str, Any]) -> None:
     real = real_of(c["arith"])
     opaque_loops(real).shadow_map(
-        c["depth"], lower(real, c["rule"]), lower(real, c["uniforms"]), c["solids"], c["pitch"], c["size"], c["row0"], c["row1"]
+        c["depth"],
+        lower(real, c["rule"]),
+        lower(real, c["uniforms"]),
+        c["solids"],
+        c["pitch"],
+        c["size"],
+        c["row0"],
+        c["row1"],
     )
 
 
@@ -147,5 +154,3 @@ def captured(scene: Any, stage: str, technique: str | None = None) -> list[tuple
         _, _, passes, bank, _ = prepare(scene, technique, None, None)
         pipeline.run(passes, bank, threads=1)
     return calls
-
-

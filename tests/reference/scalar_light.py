@@ -167,7 +167,9 @@ def lighting(real: Any) -> SimpleNamespace:
             r = falloff(switches.falloff, spot, u, v, w, math.sqrt(dx * dx + dy * dy + dz * dz)) * visible
             return r, r, r
         r = bilinear(maps.light, 0, u, v) * visible
-        return r, r, r  # the light map has one channel: distributions have no colour
+        if switches.grey_light != 0:
+            return r, r, r
+        return r, bilinear(maps.light, 1, u, v) * visible, bilinear(maps.light, 2, u, v) * visible
 
     return SimpleNamespace(
         arithmetic=a, nearest=solids_of.nearest, camera_ray=camera_ray, light_ray=light_ray, illuminate=illuminate

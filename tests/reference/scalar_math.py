@@ -156,24 +156,27 @@ def make_phase(real: Any) -> Any:
 
 def make_store(real: Any) -> SimpleNamespace:
     """What a buffer holds: `encode` replaces, `add` blends ONE, ONE, `value` reads.  `rule` is lowered."""
-    zero, one, two = real(0), real(1), real(2)
+    zero, one = real(0), real(1)
 
     @inlined
     def round_code(rule, x):
-        return np.rint(x) if rule.even else np.floor(x + rule.bias)
+        if rule.even:
+            return np.rint(x)
+        whole = np.floor(x)
+        return whole + one if (x - whole) + rule.bias >= one else whole
 
     @called
     def round_float(rule, x):
         """A real as a float of rule.digits significant bits holds it; only for formats narrower than the arithmetic."""
         if x != x or math.isinf(x):
             return max(x, rule.least) if math.isinf(x) else x
-        size = abs(float(x))
+        size = abs(np.float64(x))
         _, exponent = math.frexp(size)
         step = math.ldexp(1.0, max(exponent, rule.least_exponent + 1) - rule.digits)
         units = size / step  # exact, as is all of this: powers of two in float64
         size = (np.rint(units) if rule.even else np.floor(units + rule.bias)) * step
         if size > rule.greatest:
-            size = float(rule.overflow)
+            size = np.float64(rule.overflow)
         return real(size) if x > zero else max(real(-size), rule.least) + zero
 
     @inlined
@@ -215,7 +218,6 @@ def make_store(real: Any) -> SimpleNamespace:
             return stored * rule.inverse + stored * rule.inverse_rest
         return stored / rule.stored_top
 
-    del one, two
     return SimpleNamespace(encode=encode, add=add, value=value)
 
 
@@ -233,7 +235,7 @@ def make_texture(real: Any) -> SimpleNamespace:
     @called
     def fma(a, b, c):
         """a b + c rounded once to float32: the sum in float64 rounded to odd, then to float32."""
-        s, rest = _two_sum(float(a) * float(b), float(c))
+        s, rest = _two_sum(np.float64(a) * np.float64(b), np.float64(c))
         if rest != 0.0 and np.float64(s).view(np.int64) & 1 == 0:
             bits = np.float64(s).view(np.int64)
             bits += 1 if (rest > 0.0) == (s > 0.0) else -1
@@ -307,11 +309,11 @@ def arithmetic(real: Any) -> SimpleNamespace:
 
         @inlined
         def atan2(y, x):
-            return real(atan2_double(float(y), float(x)))
+            return real(atan2_double(np.float64(y), np.float64(x)))
 
         @inlined
         def tan(x):
-            return real(tan_double(float(x)))
+            return real(tan_double(np.float64(x)))
 
     return SimpleNamespace(
         real=real, exp=make_exp(real), atan2=atan2, tan=tan, phase=make_phase(real),

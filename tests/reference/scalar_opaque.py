@@ -53,7 +53,9 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                 z, found, nx, ny, nz = nearest(solids, ray[2], ray[3], ray[4])
                 if found < 0:
                     continue
-                l_r, l_g, l_b = illuminate(uniforms.switches, spot, maps, lit_solids, ray, light_ray(spot, ray), z, found)
+                l_r, l_g, l_b = illuminate(
+                    uniforms.switches, spot, maps, lit_solids, ray, light_ray(spot, ray), z, found
+                )
                 if not l_r > zero:
                     continue
                 x, y, w = ray[2] * z + spot.from_x, ray[3] * z + spot.from_y, ray[4] * z + spot.from_z

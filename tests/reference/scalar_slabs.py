@@ -19,17 +19,21 @@ def make_q(real: Any, a: Any) -> Any:
         v = max(v, least_v)
         end = u + dt
         low = atan2(v, end)
-        high = low + atan2(v * dt, u * end + v * v)
+        left = atan2(v * dt, u * end + v * v)
+        high = low + left
         total = zero
-        while low < high:
+        while left > zero:
             if low < quarter_turn:
                 stop = min(low * four, quarter_turn)
             elif low < pi - near_forward:
                 stop = pi - (pi - low) * quarter
             else:
                 stop = low + near_forward
-            stop = min(stop, high)
-            step, piece = stop - low, zero
+            if stop < high:
+                step = stop - low
+            else:
+                step, stop = left, high
+            piece = zero
             for n in range(nodes.size):
                 t = tan((low + step * nodes[n]) * half)
                 square = t * t
@@ -38,6 +42,7 @@ def make_q(real: Any, a: Any) -> Any:
                 piece = piece + phase(kind, g, mu) * exp(-(path * sigma)) * weights[n]
             total = total + piece * step
             low = stop
+            left = left - step
         return total / v
 
     return q_exact
@@ -101,7 +106,9 @@ def slab_loop(real: Any) -> Any:
         return factor * (source * q_exact(u, v, dt, sigma, choices.phase, slab.g, slab.cosine, nodes, weights))
 
     @inlined
-    def loop(frame, fast, depth, rules, uniforms, switches, choices, maps, q, mesh, nodes, weights, solids, draws, window):
+    def loop(
+        frame, fast, depth, rules, uniforms, switches, choices, maps, q, mesh, nodes, weights, solids, draws, window
+    ):
         camera, spot, slab = uniforms.camera, uniforms.spot, uniforms.slab
         frame_rules, fast_rules = rules
         size, planes = window.height * window.pitch, draws.main_z.size
@@ -189,6 +196,8 @@ def specialised_slab_loop(real: Any, switches: Any, choices: Any) -> Any:
 
     @entry
     def slabs(frame, fast, depth, rules, uniforms, maps, q, mesh, nodes, weights, solids, draws, window):
-        loop(frame, fast, depth, rules, uniforms, switches, choices, maps, q, mesh, nodes, weights, solids, draws, window)
+        loop(
+            frame, fast, depth, rules, uniforms, switches, choices, maps, q, mesh, nodes, weights, solids, draws, window
+        )
 
     return slabs

@@ -71,7 +71,17 @@ def compiled_vertex_loop(real: Any) -> Any:
     @entry
     def planes(frame, depth, rules, uniforms, maps, colours, solids, draws, window):
         loop(
-            frame, depth, rules, uniforms, uniforms.switches, uniforms.slab_switches, maps, colours, solids, draws, window
+            frame,
+            depth,
+            rules,
+            uniforms,
+            uniforms.switches,
+            uniforms.slab_switches,
+            maps,
+            colours,
+            solids,
+            draws,
+            window,
         )
 
     return planes
