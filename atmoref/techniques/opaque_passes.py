@@ -90,7 +90,8 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     frame = LightFrame.of(light)
     sources = source(scene, light, params)
     grey_fog = all_equal(sources, scene.medium.extinction_per_m)
-    same_rules = len(set(stage.setting.rules("f_h" if "f_h" in stage.setting.formats else "frame"))) == 1
+    target = "f_h" if "f_h" in stage.setting.formats else "frame"
+    same_rules = all(len(set(stage.setting.rules(name))) == 1 for name in (target, "light_map"))
     return Spotlight(
         index, light, frame, sources, frame.uniforms(scene, params, far_m),
         switches(frame, params, same_rules, grey_fog), solids(scene, light.position_m),
@@ -129,7 +130,10 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
 
         passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
     if params.light_distribution == "light_map":
-        setting.image(stage.bank, "light_map", light_key, spot.frame.distribution(params.light_map_size))
+        texels = spot.frame.distribution(params.light_map_size)
+        if not spot.switches.grey_light:  # stages read a channel each
+            texels = np.repeat(texels[..., None], 3, -1)
+        setting.image(stage.bank, "light_map", light_key, texels)
 
     def upload(d0: int, d1: int, row0: int, row1: int) -> None:
         bank = stage.bank

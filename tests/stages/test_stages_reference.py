@@ -1,0 +1,137 @@
+"""Every stage equals its scalar reference, bit for bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from reference.replay import differences
+from reference.scenes import bundled, scenes
+
+FIGURES = ["fig4a", "fig4b", "fig4c", "quick", "two_lights"]
+UNORM = st.builds(
+    lambda f, d, r: (
+        {"format": f, "arithmetic": "float32", "device": d} | ({"rounding": r} if d == "ideal" and r else {})
+    ),
+    st.sampled_from(["unorm2", "unorm8", "unorm8", "unorm10", "unorm12", "unorm16"]),
+    st.sampled_from(["ideal", "ideal", "gl_llvmpipe", "geforce3", "geforce_fx"]),
+    st.sampled_from([None, "nearest_even", "half_up", "truncate"]),
+)
+
+
+def assert_equal(scene: Any, technique: str | None = None) -> None:
+    found = differences(scene, technique)
+    assert found
+    assert {name: wrong for name, (total, wrong, _) in found.items() if wrong} == {}, found
+
+
+@pytest.mark.parametrize("preset", ["paper", "corrected", "analysis"])
+@pytest.mark.parametrize("name", FIGURES)
+def test_bundled_scenes_in_8_bits(name: str, preset: str) -> None:
+    assert_equal(bundled(name, f"technique.preset={preset}", width=61, height=50))
+
+
+@pytest.mark.parametrize("name", ["fig4c", "fig4b", "two_lights"])
+def test_whole_pictures(name: str) -> None:
+    size = {"fig4c": (300, 450), "fig4b": (300, 450), "two_lights": (480, 320)}[name]
+    assert_equal(bundled(name, width=size[0], height=size[1]))
+
+
+@pytest.mark.parametrize("technique", ["beams", "beams_vertex"])
+@pytest.mark.parametrize("preset", ["paper", "corrected", "analysis"])
+def test_float32_buffers(technique: str, preset: str) -> None:
+    formats = [f"buffers.{n}.format=float32" for n in ("light_map", "vertex_colour")]
+    storage = ["technique.q_storage=unclamped", "buffers.q.format=float32"] if technique == "beams" else []
+    scene = bundled("two_lights", "buffers.format=float32", f"technique.preset={preset}", *formats, *storage)
+    assert_equal(scene, technique)
+
+
+@pytest.mark.parametrize("technique", ["beams", "beams_vertex"])
+@pytest.mark.parametrize("preset", ["corrected", "analysis"])
+def test_float64(technique: str, preset: str) -> None:
+    scene = bundled(
+        "two_lights", "buffers.format=float64", "buffers.arithmetic=float64", f"technique.preset={preset}", width=33
+    )
+    assert_equal(scene, technique)
+
+
+@pytest.mark.parametrize("overrides", [
+    ["buffers.device=gl_llvmpipe"],
+    ["buffers.device=geforce3"],
+    ["buffers.format=unorm10", "buffers.device=gl_llvmpipe"],
+    ["buffers.format=unorm2", "buffers.rounding=half_up"],
+    ["technique.coordinates=vertex", "technique.dt_mode=cosine", "technique.q_storage=scaled"],
+    ["technique.q=exact", "technique.dt_mode=exact", "technique.f_h=printed"],
+    ["technique.surface_fog=printed", "technique.ambient=saturating", "technique.scattering_angle=backward"],
+    ["technique.sub_plane_depth_test=false", "technique.sub_plane_positions=trap"],
+    ["technique.light_distribution=exact", "lights.0.falloff=linear_angle", "lights.1.falloff=none"],
+], ids=" ".join)  # fmt: skip
+def test_options(overrides: list[str]) -> None:
+    assert_equal(bundled("two_lights", *overrides, width=33, height=24))
+
+
+@given(scene=scenes(UNORM))
+@settings(max_examples=60)
+def test_random_scenes_in_unorm_formats(scene: Any) -> None:
+    assert_equal(scene)
+
+
+@given(scene=scenes(st.just({"format": "float32", "arithmetic": "float32"})))
+@settings(max_examples=30)
+def test_random_scenes_in_float32(scene: Any) -> None:
+    assert_equal(scene)
+
+
+@given(scene=scenes(st.just({"format": "float64", "arithmetic": "float64"})))
+@settings(max_examples=30)
+def test_random_scenes_in_float64(scene: Any) -> None:
+    assert_equal(scene)
+
+
+@pytest.mark.parametrize("fmt", ["float16", "r11g11b10f"])
+def test_small_floats(fmt: str) -> None:
+    assert_equal(bundled("two_lights", f"buffers.format={fmt}", width=33, height=24))
+
+
+MIXED = st.builds(
+    lambda f, h, d: {"format": f, "f_h": {"format": h}, "arithmetic": "float32", "device": d},
+    st.sampled_from(["float16", "r11g11b10f", "unorm8"]),
+    st.sampled_from(["float16", "r11g11b10f", "float32"]),
+    st.sampled_from(["ideal", "gl_llvmpipe"]),
+)
+
+
+@pytest.mark.slow
+@given(scene=scenes(MIXED))
+@settings(max_examples=100)
+def test_random_scenes_in_mixed_formats(scene: Any) -> None:
+    assert_equal(scene)
+
+
+@pytest.mark.slow
+@given(
+    scene=scenes(st.sampled_from([{"format": f, "arithmetic": "float64"} for f in ("unorm8", "unorm12", "float16")]))
+)
+@settings(max_examples=100)
+def test_random_scenes_in_float64_arithmetic_on_other_formats(scene: Any) -> None:
+    assert_equal(scene)
+
+
+def test_the_comparison_notices_one_bit() -> None:
+    from unittest import mock
+
+    from reference import replay
+
+    scene = bundled("quick", width=17, height=20)
+    real = replay.STAGES["beam_planes"]
+
+    def wrong(call: dict[str, Any]) -> None:
+        real[1](call)
+        call["frame"][0] += np.uint16(1)
+
+    with mock.patch.dict(replay.STAGES, {"beam_planes": (real[0], wrong, real[2])}):
+        assert differences(scene)["beam_planes"][1:] == (1, 1.0)
