@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref.elementary import exp
 from atmoref.lanes import N
 from atmoref.numerics.vectors import minus
-from atmoref.optics.phase_functions import PHASE_FUNCTIONS, evaluate
+from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 from atmoref.pipeline import Bank, Pass
 from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms
+from atmoref.stages.vertex_colour import VertexUniforms
+from atmoref.stages.vertex_colour import vertex_colours as fill_colours
 from atmoref.stages.vertex_planes import VertexDraws, vertex_planes
 from atmoref.techniques import beams
 from atmoref.techniques.beam_plan import base_distance, extent
@@ -56,20 +57,21 @@ def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: 
     if params.coordinates != "vertex" or not len(z):
         return np.zeros(1)
     ex, ey = beams.mesh_rays(scene, params.mesh)
-    (right, up, forward), offset = scene.camera.basis(), minus(scene.camera.position_m, spot.frame.position)
-    span = np.sqrt(1.0 + ex * ex + ey * ey)
-    direction = [ex * right[i] + ey * up[i] + forward[i] for i in range(3)]
-    p = [direction[i] * z[:, None] + offset[i] for i in range(3)]
-    distance = np.maximum(np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]), 1e-6)
-    mu = -(direction[0] * p[0] + direction[1] * p[1] + direction[2] * p[2]) / (distance * span)
-    phase, sign = scene.medium.phase_function, -1.0 if params.scattering_angle == "backward" else 1.0
-    common = evaluate(PHASE_FUNCTIONS[phase.type], phase.g, sign * mu) / (distance * distance) * dt_m
-    if params.dt_mode != "paper":
-        common = common * span
-    channels = range(1 if spot.switches.grey_fog else 3)
-    path = distance + z[:, None] * span
-    colours = [common * spot.sources[i] * exp(-scene.medium.extinction_per_m[i] * path) for i in channels]
-    return beams.encoded(stage.setting, "vertex_colour", np.stack(colours)).ravel()
+    count = ex.size
+    padding = np.zeros(-count % N)
+    medium = scene.medium
+    uniforms = VertexUniforms(
+        camera_uniforms(scene), *minus(scene.camera.position_m, spot.frame.position), dt_m, medium.phase_function.g,
+        -1.0 if params.scattering_angle == "backward" else 1.0,
+    )  # fmt: skip
+    channels = 1 if spot.switches.grey_fog else 3
+    colours = np.zeros(channels * len(z) * count + N)
+    fill_colours(
+        colours, np.concatenate([ex, padding]), np.concatenate([ey, padding]), z,
+        np.array(medium.extinction_per_m[:channels]), np.array(spot.sources[:channels]), uniforms,
+        PHASE_FUNCTIONS[medium.phase_function.type], int(params.dt_mode != "paper"), count,
+    )  # fmt: skip
+    return beams.encoded(stage.setting, "vertex_colour", colours[:-N])
 
 
 def planes_pass(
