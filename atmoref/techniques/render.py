@@ -188,8 +188,9 @@ def provenance(scene: Scene, technique: str, setting: Setting) -> dict[str, Any]
     """Return what is needed to make an image again."""
     return {
         "scene": scene.name, "scene_sha256": scene.digest(), "atmoref_version": atmoref.__version__,
-        "technique": technique, "preset": scene.technique.preset, "formats": {n: f.name for n, f in setting.formats.items()},
-        "arithmetic": setting.arithmetic, "device": setting.device.name, "rounding": setting.rounding or "",
+        "technique": technique, "preset": scene.technique.preset,
+        "formats": {n: f.name for n, f in setting.formats.items()}, "arithmetic": setting.arithmetic,
+        "device": setting.device.name, "rounding": setting.rounding or "",
         "units": "W m-2 sr-1", "origin": "row 0 is the top row",
     }  # fmt: skip
 
