@@ -56,13 +56,21 @@ def _flushed(command: Callable[..., None]) -> Callable[..., None]:
     return run_and_flush
 
 
-def _about(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
-    """CPU reference of published GPU methods for light in the atmosphere: mirror, truth, verdict."""
-    if version:
+def _version(asked: bool) -> None:
+    """Print the version and stop, whatever else is there."""
+    if asked:
         from atmoref import __version__
 
         print(f"atmoref {__version__}")
         raise typer.Exit(0)
+
+
+def _about(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """CPU reference of published GPU methods for light in the atmosphere: mirror, truth, verdict."""
 
 
 def application() -> typer.Typer:

@@ -150,7 +150,7 @@ def _traced(draw: str, step: Pass, buffer: str, seen: tuple[str, list[float], li
     fields = dict(zip(PROBE, (float(number) for number in row), strict=True))
     names = SLAB_INPUTS if draw.endswith("/main") else LIGHT_INPUTS
     inputs = {"depth_m": fields["z"], **{n: fields[key] for n, key in zip(names, "uvw", strict=True)}}
-    drawn = [fields["r"], fields["g"], fields["b"]]
+    drawn = [fields[channel] + 0.0 for channel in "rgb"]  # -0 is how a masked lane says nothing
     return TracedDraw(draw, step.name, buffer, fmt, inputs, fields["drawn"] > 0.0, drawn, stored, value)
 
 
