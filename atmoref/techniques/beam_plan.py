@@ -98,24 +98,38 @@ def _to_ground(frame: LightFrame, height: float) -> float:
 def extent(scene: Scene, frame: LightFrame, base_m: float, bounds: str) -> tuple[float, float]:
     """Return the nearest and farthest depth of the pyramid, clipped to the near plane (D-E9).
 
-    `euclid` gives distances from the eye instead, as printed; an eye inside the pyramid starts at the near plane.
+    `euclid` gives the least and greatest distance from the eye instead, as printed.
     """
     eye, forward = scene.camera.position_m, scene.camera.basis()[2]
     near = scene.camera.near_m
     offsets = [minus(corner, eye) for corner in frame.corners(base_m)]
     if bounds == "euclid":
-        distances = [length(o) for o in offsets]
-        start = near if _inside_pyramid(frame, base_m, eye) else min(distances)
-        return max(near, start), max(near, max(distances))
+        start = _distance_to_pyramid(frame, base_m, eye)
+        return max(near, start), max(near, max(length(o) for o in offsets))
     depths = [dot(o, forward) for o in offsets]
     return max(near, min(depths)), max(near, max(depths))
 
 
-def _inside_pyramid(frame: LightFrame, base_m: float, point: Vec3) -> bool:
+def _distance_to_pyramid(frame: LightFrame, base_m: float, point: Vec3) -> float:
+    """Return the distance from a point to the nearest one of the pyramid, metres; 0 inside.
+
+    At depth h below the apex the nearest point is clamped to the square |x|, |y| <= h tan(outer); the squared distance
+    is convex in h, and quadratic between the depths at which the square reaches |y| and |x|.
+    """
     p = minus(point, frame.position)
-    w = dot(p, frame.axis)
-    reach = w * frame.tan_outer
-    return 0.0 <= w <= base_m and abs(dot(p, frame.right)) <= reach and abs(dot(p, frame.up)) <= reach
+    w, t = dot(p, frame.axis), frame.tan_outer
+    y, x = sorted((abs(dot(p, frame.right)), abs(dot(p, frame.up))))
+    first, second = min(y / t, base_m), min(x / t, base_m)
+    vertices = (
+        (0.0, first, (w + t * (x + y)) / (1.0 + 2.0 * t * t)),
+        (first, second, (w + t * x) / (1.0 + t * t)),
+        (second, base_m, w),
+    )
+    best = math.inf
+    for low, high, vertex in vertices:
+        h = min(max(vertex, low), high)
+        best = min(best, length((w - h, max(x - h * t, 0.0), max(y - h * t, 0.0))))
+    return best
 
 
 def fogs(scene: Scene, cosine: float) -> tuple[Fog, Fog, Fog]:
