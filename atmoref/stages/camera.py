@@ -30,6 +30,8 @@ class Camera(NamedTuple):
     forward_x: float
     forward_y: float
     forward_z: float
+    start_x: float  # image-plane coordinate, in half-extents, of the left and lower edge: -1, or an interleaved image's
+    start_y: float
     depth_a: float  # window depth of eye-space depth z: depth_a - depth_b / z, in [0, 1] from near to far
     depth_b: float
 
@@ -48,8 +50,8 @@ class Ray(NamedTuple):
 @device
 def camera_ray(arith, camera, column, row):
     """Return rays through the centres of N pixels that start at (column, row); camera is lifted."""
-    ex = (pixels(arith, int32(column)) * camera.step_x - 1.0) * camera.tan_x
-    ey = ((lift(arith, spread_int(int32(row))) + 0.5) * camera.step_y - 1.0) * camera.tan_y
+    ex = (pixels(arith, int32(column)) * camera.step_x + camera.start_x) * camera.tan_x
+    ey = ((lift(arith, spread_int(int32(row))) + 0.5) * camera.step_y + camera.start_y) * camera.tan_y
     dx = ex * camera.right_x + ey * camera.up_x + camera.forward_x
     dy = ex * camera.right_y + ey * camera.up_y + camera.forward_y
     dz = ex * camera.right_z + ey * camera.up_z + camera.forward_z

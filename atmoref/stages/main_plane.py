@@ -62,6 +62,8 @@ class Slab(NamedTuple):
     cross_cz: float
     cells_x: float  # mesh cells per image pixel
     cells_y: float
+    cell_x: float  # mesh coordinate of the left and lower edge: 0, or an interleaved image's
+    cell_y: float
 
 
 class SlabSwitches(NamedTuple):
@@ -111,10 +113,10 @@ class Place(NamedTuple):
 
 
 @device
-def mesh_corner(arith, cells_x, cells_y, mesh_x, mesh_y, column, row):
+def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
     """Return the triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
-    x = pixels(arith, int32(column)) * cells_x
-    y = (lift(arith, spread_int(int32(row))) + 0.5) * cells_y
+    x = pixels(arith, int32(column)) * slab.cells_x + slab.cell_x
+    y = (lift(arith, spread_int(int32(row))) + 0.5) * slab.cells_y + slab.cell_y
     i = minimum(floor(x), mesh_x - 1.0)
     j = minimum(floor(y), mesh_y - 1.0)
     x, y = x - i, y - j
@@ -148,7 +150,7 @@ def place(arith, slab, switches, ray, column, row):
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
     v = sqrt(cx * cx + cy * cy + cz * cz) / ray.length
     along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.length
-    corner = mesh_corner(arith, slab.cells_x, slab.cells_y, switches.mesh_x, switches.mesh_y, column, row)
+    corner = mesh_corner(arith, slab, switches.mesh_x, switches.mesh_y, column, row)
     return Place(v, along, corner)
 
 

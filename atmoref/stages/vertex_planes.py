@@ -80,9 +80,7 @@ def vertex_planes(frame, depth, counters, probe, arith, form, rules, uniforms, m
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
             light = light_ray(spot, ray)
-            corner = mesh_corner(
-                arith, slab.cells_x, slab.cells_y, slab_switches.mesh_x, slab_switches.mesh_y, column, row
-            )
+            corner = mesh_corner(arith, slab, slab_switches.mesh_x, slab_switches.mesh_y, column, row)
             surface = lift(arith, load(depth, p))
             stored = read_colour(arith, frame, p, size)
             for k in range(window.d0, window.d1):

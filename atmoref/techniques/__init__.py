@@ -4,5 +4,5 @@ from __future__ import annotations
 
 from typing import Final
 
-TECHNIQUES: Final = ("beams", "beams_vertex")
+TECHNIQUES: Final = ("beams", "beams_vertex", "beams_interleaved")
 """A technique is a module of this room with NAME, Parameters, BUFFERS and build."""

@@ -57,18 +57,17 @@ def window_codes(scene: Scene, depths_m: NDArray[np.float64], fmt: Format) -> ND
     return np.rint(window * fmt.top) if fmt.kind == "unorm" else window
 
 
-def slab_uniforms(
-    scene: Scene, spot: Spotlight, params: SpotlightParameters, dt_m: float, table: tuple[float, ...]
-) -> Slab:
+def slab_uniforms(stage: Stage, spot: Spotlight, dt_m: float, table: tuple[float, ...]) -> Slab:
     """Return the uniforms of the fog between two planes; `table` is (su, ou, sv, ov, range, rest) of the q texture."""
+    scene, params = stage.scene, stage.params
     right, up, forward = scene.camera.basis()
     offset = minus(scene.camera.position_m, spot.frame.position)
-    image = scene.image
+    cells = (params.mesh[0] / scene.image.width, params.mesh[1] / scene.image.height)
     cosine = -1.0 if params.scattering_angle == "backward" else 1.0
     return Slab._make((
         dt_m, *scene.medium.extinction_per_m, *spot.sources, scene.medium.phase_function.g, cosine, *table, *offset,
         *cross(offset, right), *cross(offset, up), *cross(offset, forward),
-        params.mesh[0] / image.width, params.mesh[1] / image.height,
+        *cells, cells[0] * stage.shift[0], cells[1] * stage.shift[1],
     ))  # fmt: skip
 
 
@@ -176,9 +175,9 @@ def slab_pass(stage: Stage, spot: Spotlight, plan: BeamPlan, counters: NDArray[n
     assert isinstance(params, BeamsParameters)
     domain = q_domain(spot.frame, plan.base_m, plan.dt_m, params)
     q, span, rest = q_textures(stage, spot, plan, domain)
-    slab = slab_uniforms(scene, spot, params, plan.dt_m, (*domain.scale_offset(), span, rest))
+    slab = slab_uniforms(stage, spot, plan.dt_m, (*domain.scale_offset(), span, rest))
     choices = slab_switches(scene, spot, params, params.q == "exact", rest > 0.0)
-    uniforms = BeamUniforms(camera_uniforms(scene), spot.uniforms, slab, spot.switches, choices)
+    uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     depth_format = setting.formats["depth"]
     sub_depth = plan.sub_z if params.sub_plane_depth_test else plan.main_z[plan.sub_slab]
     draws = Draws(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, Strict, model_validator
@@ -154,6 +155,27 @@ class BeamsVertexParameters(SpotlightParameters):
     plane_positions: Literal["left", "mid"] = quantity("", "Where in its interval a plane stands.", "left")
 
 
+class BeamsInterleavedParameters(SpotlightParameters):
+    """Keys of [technique] name = "beams_interleaved": images with shifted planes, averaged or put side by side."""
+
+    mesh: Cells = quantity("cells", "Mesh of each plane [columns, rows], used with coordinates = vertex.", (10, 15))
+    planes: int = quantity("", "Number of planes of each image.", 40, ge=1, le=MAX_PLANES)
+    images: int = quantity(
+        "", "Number of images; image i shifts its planes by i / images of their spacing.", 4, ge=1, le=64
+    )
+    composition: Literal["average", "interleave"] = quantity(
+        "",
+        "The mean of full images, as published; or n x n images of 1 / n the resolution put together, pixel by pixel.",
+        "average",
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.composition == "interleave" and math.isqrt(self.images) ** 2 != self.images:
+            raise contradiction(("images",), f"{self.images}", 'a square number with composition = "interleave"')
+        return self
+
+
 _SHARED_ANALYSIS: dict[str, Any] = {
     "coordinates": "pixel", "visibility": "exact", "light_distribution": "exact", "dt_mode": "cosine",
 }  # fmt: skip
@@ -169,6 +191,11 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     "beams_vertex": {
         "paper": {"dt_mode": "paper", "coordinates": "vertex", "shadow_filter": "nearest"},
         "corrected": {"plane_positions": "mid"},
+        "analysis": {**_SHARED_ANALYSIS},
+    },
+    "beams_interleaved": {
+        "paper": {"dt_mode": "paper", "coordinates": "vertex", "shadow_filter": "nearest"},
+        "corrected": {},
         "analysis": {**_SHARED_ANALYSIS},
     },
 }  # fmt: skip

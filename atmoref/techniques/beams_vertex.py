@@ -79,9 +79,9 @@ def planes_pass(
 ) -> Pass:
     """Return the pass that draws all planes of one light."""
     setting, scene, params = stage.setting, stage.scene, stage.params
-    slab = beams.slab_uniforms(scene, spot, params, dt_m, (0.0,) * 6)
+    slab = beams.slab_uniforms(stage, spot, dt_m, (0.0,) * 6)
     choices = beams.slab_switches(scene, spot, params, exact_q=False, rest=False)
-    uniforms = BeamUniforms(camera_uniforms(scene), spot.uniforms, slab, spot.switches, choices)
+    uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     draws = VertexDraws(z, beams.window_codes(scene, z, setting.formats["depth"]))
     colours = vertex_colours(stage, spot, z, dt_m)
     frame, depth, rules = stage.bank["frame"], stage.bank["depth"], setting.rules("frame")

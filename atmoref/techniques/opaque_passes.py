@@ -65,6 +65,7 @@ class Stage:
     setting: Setting
     params: SpotlightParameters
     bank: Bank
+    shift: tuple[float, float] = (0.0, 0.0)  # of pixel centres: an interleaved image's place in the whole
     spots: list[Spotlight] = field(default_factory=list)
 
     @property
@@ -152,7 +153,7 @@ def opaque_passes(stage: Stage) -> list[Pass]:
     setting, scene = stage.setting, stage.scene
     eye_solids = solids(scene, scene.camera.position_m)
     frame, depth = stage.bank["frame"], stage.bank["depth"]
-    camera = camera_uniforms(scene)
+    camera = camera_uniforms(scene, stage.shift)
     frame_rules, depth_rule = setting.rules("frame"), setting.rules("depth")[0]
     blocks = {}
     for spot in stage.spots:

@@ -135,15 +135,16 @@ def window_depth(near_m: float, far_m: float) -> tuple[float, float]:
     return b / near_m, b
 
 
-def camera_uniforms(scene: Scene) -> Camera:
-    """Return the camera's uniforms."""
+def camera_uniforms(scene: Scene, shift: tuple[float, float] = (0.0, 0.0)) -> Camera:
+    """Return the camera's uniforms; `shift` moves all pixel centres, in pixels to the right and up."""
     width, height = scene.image.width, scene.image.height
     tan_y = _tangent(0.5 * scene.camera.vertical_fov_deg * RADIANS)
     right, up, forward = scene.camera.basis()
     depth_a, depth_b = window_depth(scene.camera.near_m, scene.camera.far_m)
+    start = (shift[0] * (2.0 / width) - 1.0, shift[1] * (2.0 / height) - 1.0)
     return Camera(
-        tan_y * (width / height), tan_y, 2.0 / width, 2.0 / height, *right, *up, *forward, depth_a, depth_b
-    )  # fmt: skip
+        tan_y * (width / height), tan_y, 2.0 / width, 2.0 / height, *right, *up, *forward, *start, depth_a, depth_b
+    )
 
 
 def solids(scene: Scene, origin: Vec3) -> Solids:

@@ -22,13 +22,15 @@ class Beams(Table):
     base_distance_m: float | list[float] = quantity("m", "Length.", 20.0)
     bounds: Literal["depth", "euclid"] = quantity("", "Extent.", "depth")
     planes: int | None = quantity("", "Count.", None, ge=1)
+    images: int | None = quantity("", "Count.", None, ge=1)
+    composition: Literal["average", "interleave"] = quantity("", "What becomes of images.", "average")
 
 
 class Nothing(Table):
     """No parameters."""
 
 
-SCHEMA = json_schema({"beams": Beams, "beams_vertex": Beams, "truth": Nothing})
+SCHEMA = json_schema({"beams": Beams, "beams_vertex": Beams, "beams_interleaved": Beams, "truth": Nothing})
 KINDS: dict[str, Any] = {
     "object": dict,
     "array": list,
