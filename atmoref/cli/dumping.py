@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 MANIFEST = "manifest.json"
 KIND = "atmoref stages"
 _TEXTURES = ("q", "q_rest", "light_map")  # made by the host, before the first draw
-_LAYERS = {"frame", "f_h", "depth"}  # as large as the image, so a crop applies
 
 
 class Dump:
@@ -67,7 +66,8 @@ class Dump:
 
     def _keep(self, name: str, draw: str, step: str, buffer: Buffer) -> None:
         codes, values = buffer.codes(), buffer.values()
-        if self.request.crop is not None and buffer.name in _LAYERS:
+        size = self.request.scene.image
+        if self.request.crop is not None and "/" not in buffer.name and buffer.width == size.width:
             x, y, w, h = self.request.crop
             codes, values = (np.ascontiguousarray(a[y : y + h, x : x + w]) for a in (codes, values))
         file = name.replace("/", ".") + (".npz" if buffer.format.name == "float64" else ".exr")

@@ -9,11 +9,8 @@ from atmoref.cli.signals import Signalled
 
 NEGATIVE, WRONG_REQUEST, NOT_POSSIBLE = 1, 2, 3
 SIGNALLED = 128
-_SIGNALS = {
-    signal.SIGINT: "interrupted",
-    signal.SIGTERM: "terminated",
-    signal.SIGPIPE: "",
-}  # nobody reads on: no matter
+_SIGNALS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SIGPIPE: ""}
+"""What is said; nothing where nobody reads any more."""
 
 
 class RequestError(ValueError):

@@ -73,7 +73,8 @@ def _about(
     """CPU reference of published GPU methods for light in the atmosphere: mirror, truth, verdict."""
 
 
-def application() -> typer.Typer:
+@functools.cache
+def application() -> Any:
     """Return the command with all its subcommands."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
     app.callback(invoke_without_command=False)(_about)
@@ -83,7 +84,7 @@ def application() -> typer.Typer:
     for name, command in _TABLE_COMMANDS:
         tables.command(name)(_flushed(command))
     app.add_typer(tables, name="tables")
-    return app
+    return get_command(app)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -91,7 +92,7 @@ def run(arguments: Sequence[str]) -> int:
     with _log_to_stderr():
         try:
             _check_environment()
-            code = get_command(application()).main(list(arguments), "atmoref", standalone_mode=False)
+            code = application().main(list(arguments), "atmoref", standalone_mode=False)
             return code if isinstance(code, int) else 0
         except SystemExit as stop:
             return stop.code if isinstance(stop.code, int) else WRONG_REQUEST

@@ -105,9 +105,8 @@ def trace_pixel(
     seen: dict[str, tuple[str, list[float], list[float]]] = {}
 
     def watch(draw: str, step: Pass, bank: Bank) -> None:
-        stored = step.stores[step.draws.index(draw)]
-        if stored in ("frame", "f_h"):
-            buffer = bank[stored]
+        buffer = bank.get(step.stores[step.draws.index(draw)])
+        if buffer is not None and "/" not in buffer.name and buffer.width == scene.image.width:  # no texture
             seen[draw] = (buffer.format.name, *_stored_at(buffer, x, y))
 
     run(passes, bank, threads=1, watch=watch, progress=progress)
