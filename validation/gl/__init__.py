@@ -1,0 +1,1 @@
+"""Real OpenGL builds of the techniques, and their comparison with the mirror."""

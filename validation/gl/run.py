@@ -1,0 +1,119 @@
+"""Render a scene with OpenGL and with the mirror, compare them stage by stage, and time both.
+
+    python validation/gl/run.py fig4c --format unorm8 --format float32 --stages
+    python validation/gl/run.py fig4b --time
+
+Exit codes: 0 all well, 1 fewer pixels agree than --least asks for, 2 the request is wrong, 3 no OpenGL here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import statistics
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from atmoref.scene import SceneError
+from validation.gl.case import FORMATS, Case, Unsupported, load
+
+
+def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("scene", help="a scene file or the name of a bundled one")
+    parser.add_argument("--format", action="append", choices=FORMATS, help="of the frame; may be repeated")
+    parser.add_argument("--technique", help="instead of the scene's own")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene")
+    parser.add_argument("--stages", action="store_true", help="one line a stage, each on the mirror's own input")
+    parser.add_argument("--time", action="store_true", help="time the planes: CPU, one thread each, in turns")
+    parser.add_argument("--runs", type=int, default=11, help="of the timing (default 11)")
+    parser.add_argument("--native-exp", action="store_true", help="exp of the device instead of the mirror's")
+    parser.add_argument("--no-discard", action="store_true", help="OpenGL blends fragments without light as well")
+    parser.add_argument("--scissor", action="store_true", help="OpenGL draws planes only where the light can reach")
+    parser.add_argument("--least", type=float, default=0.0, help="least fraction of equal pixels for exit code 0")
+    return parser.parse_args(given)
+
+
+def device(asked: argparse.Namespace) -> tuple[Any, Any]:
+    """Return a context and a function that makes a build of a case."""
+    build = importlib.import_module("validation.gl.build")
+    ctx = build.context()
+
+    def make(case: Case) -> Any:
+        return build.Build(
+            ctx, case, native_exp=asked.native_exp, discard=not asked.no_discard, scissor=asked.scissor
+        )  # fmt: skip
+
+    return ctx, make
+
+
+def line(found: Any) -> str:
+    """Return one comparison as text."""
+    x, y = found.where
+    tail = "" if found.equal == found.pixels else f"  worst {found.worst} ({found.apart:.3g}) at x {x}, y {y}"
+    return f"  {found.stage:<34} {found.fraction:.6f} equal{tail}"
+
+
+def compare(case: Case, build: Any, stages: bool) -> float:
+    """Print how far both are apart; return the fraction of equal pixels of the picture."""
+    from validation.gl.agreement import stages as each
+    from validation.gl.agreement import whole
+
+    found = list(each(case, build))
+    if stages:
+        print(*map(line, found), sep="\n")
+    equal = sum(f.equal == f.pixels for f in found)
+    print(f"  {equal} of {len(found)} stages equal in every bit; worst fraction {min(f.fraction for f in found):.6f}")
+    picture = whole(case, build)
+    print(line(picture))
+    return picture.fraction
+
+
+def report_times(case: Case, build: Any, runs: int) -> None:
+    """Print CPU times of the planes."""
+    from validation.gl.clock import planes
+
+    times = planes(case, build, runs)
+    low, high = times.spread
+    print(
+        f"  planes: OpenGL {1e3 * statistics.median(times.device):.1f} ms, "
+        f"mirror {1e3 * statistics.median(times.mirror):.1f} ms of CPU; ratio {times.ratio:.2f} "
+        f"(median of {runs}; neighbours {low:.2f} to {high:.2f})"
+    )
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """Run; return the exit code."""
+    asked = arguments(given)
+    try:
+        ctx, make = device(asked)
+    except ImportError as missing:
+        print(f"error: {missing}; install the extra: pip install 'atmoref[gpu]'", file=sys.stderr)
+        return 3
+    except Exception as failure:  # moderngl raises its own, without a common base
+        print(f"error: no OpenGL context ({failure}); install Mesa: make system-deps", file=sys.stderr)
+        return 3
+    print(f"{ctx.info['GL_RENDERER']}, OpenGL {ctx.info['GL_VERSION']}")
+    least = 1.0
+    try:
+        for fmt in asked.format or [None]:
+            chosen = [] if fmt is None else [f"buffers.format={fmt}"]
+            case = load(asked.scene, [*asked.set, *chosen], asked.technique)
+            print(f"{case.scene.name}, {case.technique}, {case.format}")
+            build = make(case)
+            least = min(least, compare(case, build, asked.stages))
+            if asked.time:
+                report_times(case, build, asked.runs)
+    except (SceneError, Unsupported) as wrong:
+        print(f"error: {wrong}", file=sys.stderr)
+        return 2
+    return 0 if least >= asked.least else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

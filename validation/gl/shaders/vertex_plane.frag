@@ -1,0 +1,50 @@
+#version 430
+// The previous method (sec. 4.1), blended ONE, ONE into the frame: g dt of one plane times light map times shadow, eq. (3)
+// (mirror: atmoref/stages/vertex_planes.py).
+
+#include "camera.glsl"
+#include "spot_light.glsl"
+#include "slab.glsl"
+#include "elementary.glsl"
+#include "phase_function.glsl"
+
+uniform float plane_z;
+
+#if VERTEX
+noperspective in vec2 mesh_uv;
+noperspective in vec3 mesh_colour;
+#endif
+
+precise out vec4 colour;
+
+void main() {
+    Ray ray = camera_ray(gl_FragCoord.xy);
+    precise vec3 lit = illuminate(light_ray(ray), plane_z);
+#if DISCARD
+    if (lit.r <= 0.0 && lit.g <= 0.0 && lit.b <= 0.0) {
+        discard;
+    }
+#endif
+    precise vec3 source;
+#if VERTEX
+    source = mesh_colour;
+#else
+    precise float x = ray.dx * plane_z + slab.from_x;
+    precise float y = ray.dy * plane_z + slab.from_y;
+    precise float w = ray.dz * plane_z + slab.from_z;
+    precise float distance_m = max(sqrt(x * x + y * y + w * w), 1e-6);
+    precise float mu = (ray.dx * x + ray.dy * y + ray.dz * w) / (distance_m * ray.span) * -1.0;
+    precise float dt = slab.dt;
+#if COSINE
+    dt = dt * ray.span;
+#endif
+    precise float path = distance_m + plane_z * ray.span;
+    precise float part = phase_function(slab.g, mu * slab.cosine) / (distance_m * distance_m) * dt;
+    source = vec3(slab.source_r * part * mirror_exp(path * slab.sigma_r * -1.0));
+#if !GREY_FOG
+    source.g = slab.source_g * part * mirror_exp(path * slab.sigma_g * -1.0);
+    source.b = slab.source_b * part * mirror_exp(path * slab.sigma_b * -1.0);
+#endif
+#endif
+    colour = vec4(source * lit, 0.0);
+}
