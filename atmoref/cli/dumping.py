@@ -61,13 +61,14 @@ class Dump:
         if gathered_further or draw.endswith("/upload") or stored not in bank:
             return
         self._keep(draw, draw, step.name, bank[stored])
-        if draw == "opaque":
-            self._keep("opaque/depth", draw, step.name, bank["depth"])
+        depth = stored.removesuffix("frame") + "depth"
+        if draw.endswith("opaque") and "light_" not in draw and depth in bank:
+            self._keep(f"{draw}/depth", draw, step.name, bank[depth])
 
     def _keep(self, name: str, draw: str, step: str, buffer: Buffer) -> None:
         codes, values = buffer.codes(), buffer.values()
         size = self.request.scene.image
-        if self.request.crop is not None and "/" not in buffer.name and buffer.width == size.width:
+        if self.request.crop is not None and is_layer(buffer) and buffer.width == size.width:
             x, y, w, h = self.request.crop
             codes, values = (np.ascontiguousarray(a[y : y + h, x : x + w]) for a in (codes, values))
         file = name.replace("/", ".") + (".npz" if buffer.format.name == "float64" else ".exr")
@@ -94,6 +95,11 @@ class Dump:
             "draws": self.entries,
         }  # fmt: skip
         (self.directory / MANIFEST).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def is_layer(buffer: Buffer) -> bool:
+    """Tell a buffer with a texel per pixel from a texture."""
+    return buffer.name.rpartition("/")[2] in ("frame", "f_h", "depth")
 
 
 def code_hash(codes: np.ndarray[Any, Any]) -> str:

@@ -94,6 +94,7 @@ def trace_pixel(
     scene: Scene, technique: str, x: int, y: int, max_memory: int | None, progress: Any = None
 ) -> tuple[dict[str, Any], list[TracedDraw]]:
     """Return a render's provenance and its draws at pixel (x, y), row 0 at the top, in GPU order."""
+    from atmoref.cli.dumping import is_layer
     from atmoref.cli.pictures import attributes
     from atmoref.lanes import N
     from atmoref.pipeline import run
@@ -102,11 +103,15 @@ def trace_pixel(
     first = x // N * N
     window = (first, y, min(N, scene.image.width - first), 1)
     name, setting, passes, bank, report = prepare(scene, technique, window, max_memory, trace=True)
+    if any(is_layer(buffer) and buffer.width != scene.image.width for buffer in bank.values()):
+        raise RequestError(
+            f"{scene.origin}: trace: the images of {name} are smaller than the frame; allowed: full ones"
+        )
     seen: dict[str, tuple[str, list[float], list[float]]] = {}
 
     def watch(draw: str, step: Pass, bank: Bank) -> None:
         buffer = bank.get(step.stores[step.draws.index(draw)])
-        if buffer is not None and "/" not in buffer.name and buffer.width == scene.image.width:  # no texture
+        if buffer is not None and is_layer(buffer):
             seen[draw] = (buffer.format.name, *_stored_at(buffer, x, y))
 
     run(passes, bank, threads=1, watch=watch, progress=progress)
@@ -120,7 +125,9 @@ def trace_pixel(
                 row = None if probe is None else probe[index]
                 draws.append(_traced(draw, step, step.stores[index], seen[draw], row))
     told = attributes(provenance(scene, name, setting))
-    return {**told, "depth_code_or_value": _stored_at(bank["depth"], x, y)[0][0]}, draws
+    if "depth" in bank:
+        told["depth_code_or_value"] = _stored_at(bank["depth"], x, y)[0][0]
+    return told, draws
 
 
 def _probe(flat: NDArray[np.float64], lane: int) -> NDArray[np.float64]:
