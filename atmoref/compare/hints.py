@@ -39,7 +39,7 @@ def find_hints(test: Frame, reference: Frame, mask: NDArray[np.bool_]) -> tuple[
     told = [(residual, sentence) for residual, sentence in guesses if residual < BETTER * plain]
     if not told:
         return ()
-    residual, sentence = min(told)
+    residual, sentence = min(told, key=lambda guess: guess[0])  # of equal ones the first: a flip before a turn
     return (f"{sentence}: undone, the rms difference is {residual:.3g} instead of {plain:.3g}",)
 
 

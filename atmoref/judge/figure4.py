@@ -1,6 +1,6 @@
 """The reconstruction of Figure 4 of Dobashi, Yamamoto, Nishita 2002, measured: pictures, differences, a contact sheet.
 
-(a) 40 planes: ghost shadows.  (b) 160 planes: pseudo-contours, and half of the beam black.  (c) the paper's fix.
+(a) 40 planes: ghost shadows.  (b) 160 planes: pseudo-contours, and a quarter of the beam black.  (c) the paper's fix.
 (c') the same 8-bit buffers with our corrections: the apex keeps its light.  (d) the truth.
 """
 

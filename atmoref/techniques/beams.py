@@ -27,6 +27,7 @@ from atmoref.tables.q import QDomain, q_table
 from atmoref.techniques.beam_plan import BeamPlan, base_distance, beam_plan, fogs, q_domain
 from atmoref.techniques.beams_parameters import BeamsParameters, SpotlightParameters
 from atmoref.techniques.opaque_passes import (
+    HOST_BYTES,
     Spotlight,
     Stage,
     opaque_passes,
@@ -39,7 +40,7 @@ from atmoref.techniques.spotlights import LightFrame, camera_uniforms
 
 NAME = "beams"
 Parameters = BeamsParameters
-TEXTURES = {"q": "unorm8", "light_map": "unorm8", "vertex_colour": "unorm8"}
+TEXTURES = {"q": "unorm8", "light_map": "unorm8", "vertex_colour": "frame"}
 BUFFERS: dict[str, dict[str, str]] = {
     "paper": {"frame": "unorm8", "f_h": "frame", **TEXTURES, "depth": "depth24", "shadow_map": "depth24"},
     "corrected": {"frame": "unorm8", "f_h": "frame", **TEXTURES, "depth": "depth24", "shadow_map": "depth24"},
@@ -101,6 +102,8 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     if params.coordinates != "vertex":
         nothing = np.zeros(1)
         return Mesh(nothing, nothing, nothing)
+    points = (params.mesh[0] + 1) * (params.mesh[1] + 1) * len(plan.main_z)
+    stage.setting.require(stage.bank, points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
     ex, ey = mesh_rays(scene, params.mesh)
     (right, up, forward), offset = scene.camera.basis(), minus(scene.camera.position_m, spot.frame.position)
     span = np.sqrt(1.0 + ex * ex + ey * ey)
@@ -134,6 +137,8 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
         return QMaps(blank, blank), 1.0, 0.0
     channels = range(1 if spot.switches.grey_fog else 3)
     fog = fogs(stage.scene, -1.0 if params.scattering_angle == "backward" else 1.0)
+    needed = params.q_table_size**2 * len(channels) * HOST_BYTES
+    setting.require(stage.bank, needed, f"technique.q_table_size = {params.q_table_size}")
     q = np.stack([q_table(domain, plan.dt_m, fog[i]) * spot.sources[i] for i in channels], -1)
     farthest = max(stage.scene.medium.extinction_per_m) * plan.far_m
     opaque = float(exp(np.float64(min(farthest, 20.0))))

@@ -150,6 +150,9 @@ class BeamsParameters(SpotlightParameters):
 class BeamsVertexParameters(SpotlightParameters):
     """Keys of [technique] name = "beams_vertex": the previous method, g dt at the vertices of many planes."""
 
+    dt_mode: Literal["paper", "cosine"] = quantity(
+        "", "Length of a ray between planes (D-E6): dt for all pixels as published, or times 1/cos psi.", "cosine"
+    )
     mesh: Cells = quantity("cells", "Mesh of each plane [columns, rows], used with coordinates = vertex.", (60, 90))
     planes: int = quantity("", "Number of planes between both ends of the pyramid.", 40, ge=1, le=MAX_PLANES)
     plane_positions: Literal["left", "mid"] = quantity("", "Where in its interval a plane stands.", "left")
@@ -158,6 +161,9 @@ class BeamsVertexParameters(SpotlightParameters):
 class BeamsInterleavedParameters(SpotlightParameters):
     """Keys of [technique] name = "beams_interleaved": images with shifted planes, averaged or put side by side."""
 
+    dt_mode: Literal["paper", "cosine"] = quantity(
+        "", "Length of a ray between planes (D-E6): dt for all pixels as published, or times 1/cos psi.", "cosine"
+    )
     mesh: Cells = quantity("cells", "Mesh of each plane [columns, rows], used with coordinates = vertex.", (10, 15))
     planes: int = quantity("", "Number of planes of each image.", 40, ge=1, le=MAX_PLANES)
     images: int = quantity(

@@ -22,6 +22,7 @@ from atmoref.techniques import beams
 from atmoref.techniques.beam_plan import base_distance, extent
 from atmoref.techniques.beams_parameters import BeamsVertexParameters
 from atmoref.techniques.opaque_passes import (
+    HOST_BYTES,
     Spotlight,
     Stage,
     opaque_passes,
@@ -35,7 +36,7 @@ from atmoref.techniques.spotlights import LightFrame, camera_uniforms
 NAME = "beams_vertex"
 Parameters = BeamsVertexParameters
 _PAPER = {
-    "frame": "unorm8", "light_map": "unorm8", "vertex_colour": "unorm8", "depth": "depth24", "shadow_map": "depth24",
+    "frame": "unorm8", "light_map": "unorm8", "vertex_colour": "frame", "depth": "depth24", "shadow_map": "depth24",
 }  # fmt: skip
 BUFFERS: dict[str, dict[str, str]] = {
     "paper": _PAPER, "corrected": _PAPER, "analysis": dict.fromkeys(_PAPER, "float64"),
@@ -65,6 +66,8 @@ def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: 
         -1.0 if params.scattering_angle == "backward" else 1.0,
     )  # fmt: skip
     channels = 1 if spot.switches.grey_fog else 3
+    needed = channels * len(z) * count * HOST_BYTES
+    stage.setting.require(stage.bank, needed, f"technique.mesh = {list(params.mesh)} with {len(z)} planes")
     colours = np.zeros(channels * len(z) * count + N)
     fill_colours(
         colours, np.concatenate([ex, padding]), np.concatenate([ey, padding]), z,

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from atmoref.techniques.beams_parameters import SpotlightParameters
 
 
+HOST_BYTES = 48  # per texel and channel of a table: float64 while it is computed, codes, padded texture
+
+
 @dataclass(slots=True)
 class Spotlight:
     """One light of a render: its frame, its uniforms, and its textures once they have been drawn."""
@@ -131,6 +134,8 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
 
         passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
     if params.light_distribution == "light_map":
+        needed = 3 * params.light_map_size * params.light_map_size * HOST_BYTES
+        setting.require(stage.bank, needed, f"technique.light_map_size = {params.light_map_size}")
         texels = spot.frame.distribution(params.light_map_size)
         if not spot.switches.grey_light:  # stages read a channel each
             texels = np.repeat(texels[..., None], 3, -1)

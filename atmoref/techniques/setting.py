@@ -72,12 +72,7 @@ class Setting:
         self, bank: Bank, name: str, key: str, width: int, height: int, channels: int, form: CodeClass
     ) -> Buffer:
         needed = needed_bytes(width, height, channels, form, self.arithmetic)
-        held = sum(b.data.nbytes for b in bank.values())
-        if self.max_bytes is not None and held + needed > self.max_bytes:
-            raise OutOfMemory(
-                f"{self.scene.origin}: buffer {key} ({width} x {height}) would bring the buffers to "
-                f"{(held + needed) / 1e6:.1f} MB; allowed: {self.max_bytes / 1e6:.1f} MB (--max-memory)"
-            )
+        self.require(bank, needed, f"buffer {key} ({width} x {height})")
         bank[key] = allocate(key, self.formats[name], width, height, channels, form, self.arithmetic)
         return bank[key]
 
@@ -88,6 +83,20 @@ class Setting:
         buffer = self._allocate(bank, name, key, width, height, channels, Mixed())
         buffer.put(texels[::-1], self.device, self.rounding_of(self.formats[name]))
         return buffer
+
+    def require(self, bank: Bank, needed: int, what: str) -> None:
+        """Refuse what would not fit beside the buffers so far; called before anything is computed or allocated.
+
+        Raises
+        ------
+        OutOfMemory
+        """
+        held = sum(b.data.nbytes for b in bank.values())
+        if self.max_bytes is not None and held + needed > self.max_bytes:
+            raise OutOfMemory(
+                f"{self.scene.origin}: {what} would need {(held + needed) / 1e6:.1f} MB with the buffers so far; "
+                f"allowed: {self.max_bytes / 1e6:.1f} MB (--max-memory)"
+            )
 
     def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Texture:
         """Return a buffer as a texture."""

@@ -74,7 +74,7 @@ def test_the_apex_is_dark_as_published_and_bright_when_corrected(figure: Path) -
     """q clamped near the light darkens the apex; the overflow channel keeps it, in 8 bits."""
     want = np.clip(read(figure / "fig4d.exr").rgb(), 0.0, 1.0)
     column = slice(148, 152)
-    # saturated beam below the light; its first two rows are thinner than two sub-planes are apart (0.15 m, 0.065 m a row)
+    # saturated beam below the light; the first two rows (0.065 m each) are thinner than two sub-planes are apart
     rows = np.flatnonzero(want[:, column].min((1, 2)) >= 1.0)[2:25]
     published = read(figure / "fig4c.exr").rgb()[rows, column]
     corrected = read(figure / "fig4c_corrected.exr").rgb()[rows, column]
