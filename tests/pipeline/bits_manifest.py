@@ -1,4 +1,4 @@
-"""SHA-256 of every buffer of every bundled scene, as small pictures, per code class; also run as a script by a process each.
+"""SHA-256 of every buffer of every bundled scene, as small pictures, per code class; a script for processes, too.
 
     python bits_manifest.py unorm8/float32 float16/float32 ...
 
@@ -29,7 +29,8 @@ def small(name: str, code_class: str, *overrides: str) -> Any:
     return load_scene(
         name,
         [
-            f"image.width={width}", f"image.height={height}", f"buffers.format={fmt}", f"buffers.arithmetic={arithmetic}",
+            f"image.width={width}", f"image.height={height}", f"buffers.format={fmt}",
+            f"buffers.arithmetic={arithmetic}",
             *preset, *overrides,
         ],
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import subprocess
@@ -39,7 +40,9 @@ def _agree(scene: Any, **options: Any) -> None:
     assert plain.buffers["frame"].values().any()
 
 
-@pytest.mark.parametrize("code_class", [*CHEAP, *(pytest.param(c, marks=pytest.mark.slow) for c in CLASSES if c not in CHEAP)])
+@pytest.mark.parametrize(
+    "code_class", [*CHEAP, *(pytest.param(c, marks=pytest.mark.slow) for c in CLASSES if c not in CHEAP)]
+)
 @pytest.mark.parametrize("name", sorted(SCENES))
 def test_dumped_is_fused(name: str, code_class: str) -> None:
     seen: list[str] = []
@@ -72,8 +75,8 @@ def _split(passes: list[Pass], data: st.DataObject) -> None:
         lines = data.draw(st.lists(st.integers(row0, row1), max_size=2), label=f"{p.name}: rows")
         rows = sorted({row0, row1, *lines})
         edges = sorted({0, len(p.draws), *cuts})
-        for d0, d1 in zip(edges[:-1], edges[1:], strict=True):
-            for a, b in reversed(list(zip(rows[:-1], rows[1:], strict=True))):
+        for d0, d1 in itertools.pairwise(edges):
+            for a, b in reversed(list(itertools.pairwise(rows))):
                 p.execute(d0, d1, a, b)
 
 
@@ -149,7 +152,9 @@ def test_progress_reaches_the_end_of_every_pass_and_an_error_stops_it() -> None:
 
 
 def in_process(classes: list[str], width: str, processor: str) -> dict[str, str]:
-    environment = {k: v for k, v in os.environ.items() if k not in ("ATMOREF_LANES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")}
+    environment = {
+        k: v for k, v in os.environ.items() if k not in ("ATMOREF_LANES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")
+    }
     paths = [p for p in sys.path if p]
     done = subprocess.run(
         [sys.executable, str(SCRIPT), *classes],

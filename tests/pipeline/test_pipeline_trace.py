@@ -67,7 +67,7 @@ def test_a_trace_tells_what_a_dump_holds(name: str, code_class: str) -> None:
 
 
 def test_a_trace_names_the_place_of_a_sample() -> None:
-    """The middle pixel of F4 with an odd height looks along the axis: depth is distance, w is the depth below the light."""
+    """The middle pixel of F4, with an odd height, looks along the axis: there w is the depth below the light."""
     scene = small("fig4c", "float64/float64", "image.width=33", "image.height=41")
     traced = _traced(scene, 16, 20)
     for draw, block in traced.items():
@@ -76,9 +76,10 @@ def test_a_trace_names_the_place_of_a_sample() -> None:
             assert block["w"] == pytest.approx(6.0, abs=1e-12)
             across = (block["z"] - 45.0) / 6.0 / np.tan(np.radians(34.0))
             # the axis of a vertical light: its map lies in x and z
-            assert min(abs(block["u"] - 0.5 - s * across / 2) + abs(block["v"] - 0.5) for s in (-1, 1)) < 1e-9 or min(
-                abs(block["v"] - 0.5 - s * across / 2) + abs(block["u"] - 0.5) for s in (-1, 1)
-            ) < 1e-9
+            assert (
+                min(abs(block["u"] - 0.5 - s * across / 2) + abs(block["v"] - 0.5) for s in (-1, 1)) < 1e-9
+                or min(abs(block["v"] - 0.5 - s * across / 2) + abs(block["u"] - 0.5) for s in (-1, 1)) < 1e-9
+            )
         if draw.endswith("/main"):
             assert block["u"] == pytest.approx(block["z"] - 45.0, abs=1e-9)
             assert block["v"] == pytest.approx(6.0, abs=1e-12)

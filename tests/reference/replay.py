@@ -1,4 +1,4 @@
-"""Every kernel call of a render is answered twice: by the stage, and by the scalar reference on a copy of its buffers."""
+"""Every kernel call of a render is answered by the stage and, on copies of its buffers, by the scalar reference."""
 
 import contextlib
 import inspect

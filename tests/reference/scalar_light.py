@@ -114,8 +114,8 @@ def lighting(real: Any) -> SimpleNamespace:
 
     @inlined
     def camera_ray(camera, column, row):
-        ex = ((real(column) + half) * camera.step_x - one) * camera.tan_x
-        ey = ((real(row) + half) * camera.step_y - one) * camera.tan_y
+        ex = ((real(column) + half) * camera.step_x + camera.start_x) * camera.tan_x
+        ey = ((real(row) + half) * camera.step_y + camera.start_y) * camera.tan_y
         dx = ex * camera.right_x + ey * camera.up_x + camera.forward_x
         dy = ex * camera.right_y + ey * camera.up_y + camera.forward_y
         dz = ex * camera.right_z + ey * camera.up_z + camera.forward_z

@@ -1,6 +1,6 @@
 """Scalar arithmetic of one precision for the references: elementary functions, stores, blends, texture reads.
 
-`arithmetic(np.float32)` gives functions in which every constant is a float32: a bare 0.5 would make Numba go on in float64.
+`arithmetic(np.float32)` gives functions in which every constant is a float32: a bare 0.5 would go on in float64.
 """
 
 import functools

@@ -54,7 +54,8 @@ def make_mesh(real: Any) -> Any:
 
     @inlined
     def corner(slab, choices, column, row):
-        x, y = (real(column) + half) * slab.cells_x, (real(row) + half) * slab.cells_y
+        x = (real(column) + half) * slab.cells_x + slab.cell_x
+        y = (real(row) + half) * slab.cells_y + slab.cell_y
         i, j = min(int(x), choices.mesh_x - 1), min(int(y), choices.mesh_y - 1)
         x, y = x - real(i), y - real(j)
         first = j * (choices.mesh_x + 1) + i
@@ -183,7 +184,8 @@ def compiled_slab_loop(real: Any) -> Any:
     @entry
     def slabs(frame, fast, depth, rules, uniforms, maps, q, mesh, nodes, weights, solids, draws, window):
         loop(
-            frame, fast, depth, rules, uniforms, uniforms.switches, uniforms.slab_switches, maps, q, mesh, nodes, weights,
+            frame, fast, depth, rules, uniforms, uniforms.switches, uniforms.slab_switches, maps, q, mesh, nodes,
+            weights,
             solids, draws, window,
         )  # fmt: skip
 
@@ -191,7 +193,7 @@ def compiled_slab_loop(real: Any) -> Any:
 
 
 def specialised_slab_loop(real: Any, switches: Any, choices: Any) -> Any:
-    """Return the loop compiled for one set of choices, as a careful author of scalar code for one scene would have it."""
+    """Return the loop compiled for one set of choices, as a careful author of code for one scene would have it."""
     loop = slab_loop(real)
 
     @entry

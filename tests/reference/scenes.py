@@ -19,7 +19,8 @@ _F4: dict[str, Any] = {
     },
     "lights": [{
         "type": "spot", "position_m": [0.0, 20.0, 0.0], "direction": [0.0, -1.0, 0.0], "inner_half_angle_deg": 20.0,
-        "outer_half_angle_deg": 34.0, "falloff": "smoothstep_cosine", "peak": 0.99, "radiant_intensity_w_per_sr": 9430.0,
+        "outer_half_angle_deg": 34.0, "falloff": "smoothstep_cosine", "peak": 0.99,
+        "radiant_intensity_w_per_sr": 9430.0,
     }],
     "medium": {
         "extinction_per_m": 0.02, "single_scattering_albedo": 0.9, "phase_function": {"type": "isotropic"},
@@ -89,7 +90,8 @@ def _objects(draw: st.DrawFn) -> dict[str, Any]:
     kind, albedo = draw(st.sampled_from(["sphere", "box", "ground"])), draw(_one_or_three(0.0, 1.0))
     if kind == "sphere":
         return {
-            "type": kind, "center_m": draw(_vectors(-15.0, 15.0)), "radius_m": draw(st.floats(0.1, 5.0)), "albedo": albedo
+            "type": kind, "center_m": draw(_vectors(-15.0, 15.0)), "radius_m": draw(st.floats(0.1, 5.0)),
+            "albedo": albedo,
         }  # fmt: skip
     if kind == "ground":
         return {"type": kind, "height_m": draw(st.floats(-25.0, 5.0)), "albedo": albedo}
@@ -103,7 +105,8 @@ def _techniques(draw: st.DrawFn) -> dict[str, Any]:
     one_of = lambda *values: draw(st.sampled_from(values))
     shared = {
         "preset": one_of("paper", "corrected", "analysis"), "base_distance_m": draw(st.floats(2.0, 40.0)),
-        "bounds": one_of("depth", "euclid"), "dt_mode": one_of("paper", "cosine"), "coordinates": one_of("vertex", "pixel"),
+        "bounds": one_of("depth", "euclid"), "dt_mode": one_of("paper", "cosine"),
+        "coordinates": one_of("vertex", "pixel"),
         "mesh": [draw(st.integers(1, 12)), draw(st.integers(1, 12))], "visibility": one_of("shadow_map", "exact"),
         "shadow_map_size": draw(st.integers(1, 70)), "shadow_filter": one_of("nearest", "pcf"),
         "shadow_bias_m": one_of(0.0, 0.1), "light_distribution": one_of("light_map", "exact"),
@@ -120,9 +123,11 @@ def _techniques(draw: st.DrawFn) -> dict[str, Any]:
     return shared | {
         "name": "beams", "interval_m": draw(st.floats(0.7, 5.0)), "epsilon": draw(st.floats(0.02, 1.0)),
         "i_max": one_of(0.5, 1.0, 3.0), "plane_count": one_of("floor", "ceil"),
-        "sub_plane_rule": one_of("floor", "ceil", "one"), "sub_plane_positions": one_of("printed", "left", "mid", "trap"),
+        "sub_plane_rule": one_of("floor", "ceil", "one"),
+        "sub_plane_positions": one_of("printed", "left", "mid", "trap"),
         "sub_plane_weights": one_of("equal", "telescoped"), "sub_plane_depth_test": draw(st.booleans()),
-        "f_h": one_of("mean", "printed"), "q": one_of("table", "table", "exact"), "q_table_size": draw(st.integers(2, 24)),
+        "f_h": one_of("mean", "printed"), "q": one_of("table", "table", "exact"),
+        "q_table_size": draw(st.integers(2, 24)),
         "q_storage": one_of("clamped", "scaled", "overflow", "unclamped"),
     }  # fmt: skip
 
@@ -139,7 +144,8 @@ def scenes(draw: st.DrawFn, buffers: st.SearchStrategy[dict[str, Any]], most_sub
         },
         "lights": draw(st.lists(_lights(), min_size=1, max_size=2)),
         "medium": {
-            "extinction_per_m": draw(_one_or_three(0.0, 0.3)), "single_scattering_albedo": draw(_one_or_three(0.0, 1.0)),
+            "extinction_per_m": draw(_one_or_three(0.0, 0.3)),
+            "single_scattering_albedo": draw(_one_or_three(0.0, 1.0)),
             "phase_function": draw(st.sampled_from([
                 {"type": "isotropic"}, {"type": "rayleigh"}, {"type": "nishita_hazy"}, {"type": "nishita_murky"},
                 {"type": "henyey_greenstein", "g": 0.6}, {"type": "cornette_shanks", "g": -0.4},

@@ -22,7 +22,9 @@ CASES: dict[str, tuple[dict[str, Any], float, float]] = {
     "no scattering": ({"medium": {"single_scattering_albedo": 0.0}}, 0.2, 1e-06),
     "forward peak": ({"phase": {"type": "henyey_greenstein", "g": 0.9}}, 0.1, 0.002),
     "backward peak": ({"phase": {"type": "henyey_greenstein", "g": -0.9}}, 0.1, 0.006),
-    "the middle ray passes the light": ({"camera": {"position_m": [0.0, 20.0, -30.0], "look_at_m": [0.0, 20.0, 0.0]}}, 0.2, 0.0005),
+    "the middle ray passes the light": (
+        {"camera": {"position_m": [0.0, 20.0, -30.0], "look_at_m": [0.0, 20.0, 0.0]}}, 0.2, 0.0005,
+    ),
     "the middle ray passes 1e-6 m beside the light": (
         {"camera": {"position_m": [0.0, 19.999999, -30.0], "look_at_m": [0.0, 19.999999, 0.0]}}, 0.2, 0.05,
     ),
@@ -33,7 +35,9 @@ CASES: dict[str, tuple[dict[str, Any], float, float]] = {
     "eye beside the light, inside the beam": (
         {"camera": {"position_m": [0.0, 19.0, -0.2], "look_at_m": [1.0, 5.0, 3.0]}}, 0.2, 0.005,
     ),
-    "light behind the camera": ({"camera": {"position_m": [0.0, 14.0, 3.0], "look_at_m": [0.0, 12.0, 30.0]}}, 0.2, 0.02),
+    "light behind the camera": (
+        {"camera": {"position_m": [0.0, 14.0, 3.0], "look_at_m": [0.0, 12.0, 30.0]}}, 0.2, 0.02,
+    ),
     "light behind the camera, beam outside": (
         {"camera": {"position_m": [0.0, 14.0, 25.0], "look_at_m": [0.0, 14.0, 60.0]}}, 0.2, 0,
     ),
@@ -41,7 +45,8 @@ CASES: dict[str, tuple[dict[str, Any], float, float]] = {
     "light in the shadow of a lit sphere": (
         {
             "lights": [
-                {"type": "spot", "position_m": p, "direction": d, "inner_half_angle_deg": 10.0, "outer_half_angle_deg": 25.0,
+                {"type": "spot", "position_m": p, "direction": d, "inner_half_angle_deg": 10.0,
+                 "outer_half_angle_deg": 25.0,
                  "falloff": "smoothstep_cosine", "peak": 1.0, "radiant_intensity_w_per_sr": 4000.0}
                 for p, d in (([0.0, 20.0, 0.0], [0.0, -1.0, 0.0]), ([0.0, 5.0, 0.0], [0.3, -1.0, 0.0]))
             ],
@@ -52,7 +57,10 @@ CASES: dict[str, tuple[dict[str, Any], float, float]] = {
     "no light": ({"lights": {"radiant_intensity_w_per_sr": 0.0}}, 0.2, 0),
     "horizontal beam": ({"lights": {"direction": [0.0, 0.0, 1.0]}, "technique": {"base_distance_m": 300.0}}, 0.5, 0.02),
     "beam towards the eye": (
-        {"lights": {"position_m": [0.0, 14.0, 20.0], "direction": [0.0, 0.0, -1.0]}, "technique": {"base_distance_m": 70.0}},
+        {
+            "lights": {"position_m": [0.0, 14.0, 20.0], "direction": [0.0, 0.0, -1.0]},
+            "technique": {"base_distance_m": 70.0},
+        },
         0.2, 0.01,
     ),
 }  # fmt: skip
