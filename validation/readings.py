@@ -1,6 +1,6 @@
 """Print the measured tables of the documentation: errors of Figure 4 against the truth, one switch at a time.
 
-Run as ``python validation/readings.py [errata] [apex] [previous] [formats]``, without a word for all of them; under two
+Run as ``python validation/readings.py [errata] [apex] [previous] [interleaved] [formats]``, without a word for all of them; under two
 minutes. Three readings of "average error" (D-E38), pictures clipped to [0, 1]: mean |d|, sum |d| / sum of the truth,
 mean of |d| / truth where that is above 0.02, all in per cent; then main planes / sub-planes.
 """
@@ -118,6 +118,17 @@ def previous(truths: Truths) -> None:
         row(f"preset paper, frame and vertex colours {fmt}", "fig4b", [f"buffers.format={fmt}"], truths.image())
 
 
+def interleaved(truths: Truths) -> None:
+    """Print interleaved sampling at the paper's settings: both compositions, three storages."""
+    head("keller (beams_interleaved)")
+    for composition in ("average", "interleave"):
+        chosen = f"technique.composition={composition}"
+        row(f"{composition}, paper, unorm8", "keller", [chosen], truths.image())
+        float32 = [f"buffers.{name}.format=float32" for name in ("light_map", "depth", "shadow_map")]
+        row(f"{composition}, paper, float32", "keller", [chosen, "buffers.format=float32", *float32], truths.image())
+        row(f"{composition}, analysis, float64", "keller", [chosen, *ANALYSIS], truths.image())
+
+
 def formats(truths: Truths) -> None:
     """Print what other formats and roundings of frame and f_h cost the proposed method."""
     for preset in ("paper", "corrected"):
@@ -133,7 +144,7 @@ def formats(truths: Truths) -> None:
             row(f"corrected, {weights} weights, epsilon {epsilon} (D-E12)", "fig4c", overrides, truths.image())
 
 
-TABLES = {"errata": errata, "apex": apex, "previous": previous, "formats": formats}
+TABLES = {"errata": errata, "apex": apex, "previous": previous, "interleaved": interleaved, "formats": formats}
 
 
 def main(arguments: Sequence[str]) -> int:
