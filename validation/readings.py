@@ -1,6 +1,7 @@
 """Print the measured tables of the documentation: errors of Figure 4 against the truth, one switch at a time.
 
-Run as ``python validation/readings.py [errata] [apex] [previous] [interleaved] [formats]``, without a word for all of them; under two
+Run as ``python validation/readings.py [errata] [apex] [previous] [interleaved] [formats]``,
+without a word for all of them; under two
 minutes. Three readings of "average error" (D-E38), pictures clipped to [0, 1]: mean |d|, sum |d| / sum of the truth,
 mean of |d| / truth where that is above 0.02, all in per cent; then main planes / sub-planes.
 """

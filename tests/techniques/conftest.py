@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-
 import reference.replay  # noqa: F401  (fixes the directory of compiled kernels before the tables move)
 
 
