@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from validation.gl.build import Build, LightOnDevice
 from validation.gl.case import Case
+from validation.gl.geometry import mesh_attributes
+from validation.gl.interpolation import interpolated, mirrored
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +100,22 @@ def _planes(case: Case, build: Build, device: LightOnDevice) -> Iterator[Agreeme
         device.draw_vertex_planes(k, k + 1)
         yield agreement(f"{device.light.prefix}/plane_{k:03d}", build.read("frame"), case.codes("frame"))
         build.write("frame", case.codes("frame"))
+
+
+def attributes(case: Case, device: LightOnDevice) -> Iterator[Agreement]:
+    """Compare interpolated u, v and colour of every plane with the mirror's rule and with llvmpipe's own."""
+    switches = device.uniforms.slab_switches
+    mesh = (switches.mesh_x, switches.mesh_y)
+    uv, colours = mesh_attributes(device.given)
+    names = ("u", "v", "r", "g") if uv.any() else ("", "", "r", "g")
+    for k in range(len(uv)):
+        drawn = device.draw_attributes(k)
+        for channel, name in enumerate(names):
+            values = (uv if channel < 2 else colours)[k, :, channel % 2]
+            for rule, function in (("mirror", mirrored), ("llvmpipe", interpolated)) if name else ():
+                expected = function(values, mesh, case.size)[..., None]
+                stage = f"{device.light.prefix}/plane_{k:03d}, {name} by the rule of {rule}"
+                yield agreement(stage, drawn[..., channel : channel + 1], expected)
 
 
 def whole(case: Case, build: Build) -> Agreement:

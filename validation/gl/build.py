@@ -61,16 +61,19 @@ class Build:
         Fragments without light are discarded before the blend.
     scissor : bool
         Sub-planes and planes are drawn inside the screen rectangle of the light's pyramid only.
+    mesh_in_shader : bool
+        The fragment interpolates between mesh vertices by the mirror's rule instead of the rasteriser by its own.
     """
 
     def __init__(
-        self, ctx: Any, case: Case, *, native_exp: bool = False, discard: bool = True, scissor: bool = False
-    ) -> None:
+        self, ctx: Any, case: Case, *, native_exp: bool = False, discard: bool = True, scissor: bool = False,
+        mesh_in_shader: bool = False,
+    ) -> None:  # fmt: skip
         self.ctx, self.case = ctx, case
         self._programs: dict[tuple[Any, ...], Any] = {}
         self._arrays: dict[tuple[Any, ...], Any] = {}
         self._build_switches = {"NATIVE_EXP": int(native_exp), "DISCARD": int(discard)}
-        self.scissor = scissor
+        self.scissor, self.mesh_in_shader = scissor, mesh_in_shader
         self._quad = ctx.buffer(QUAD.tobytes())
         width, height = case.size
         self.depth = ctx.depth_texture((width, height))
@@ -204,9 +207,11 @@ class LightOnDevice:
 
     def _switches(self) -> dict[str, int]:
         slab = self.uniforms.slab_switches
+        vertex = 2 * slab.vertex if self.owner.mesh_in_shader else slab.vertex
         return {
             "GREY_LIGHT": self.uniforms.switches.grey_light, "GREY_FOG": slab.grey, "PHASE": slab.phase,
-            "COSINE": int(slab.dt_mode != DT_PAPER), "VERTEX": slab.vertex, "Q_REST": slab.rest,
+            "COSINE": int(slab.dt_mode != DT_PAPER), "VERTEX": vertex, "Q_REST": slab.rest,
+            "MESH_X": slab.mesh_x, "MESH_Y": slab.mesh_y,
         }  # fmt: skip
 
     def _program(self, fragment: str, *, mesh: bool = False, more: dict[str, int] | None = None) -> Any:
@@ -261,6 +266,20 @@ class LightOnDevice:
         self.owner.cover(program)
 
     # ---- passes 4 and 5
+    def _rasterises_mesh(self) -> bool:
+        return self.mesh is not None and not self.owner.mesh_in_shader
+
+    def _draw_plane(self, program: Any, k: int) -> None:
+        """Draw a plane as a mesh or as a rectangle."""
+        if self.mesh is None:
+            self.owner.cover(program)
+        elif self.owner.mesh_in_shader:
+            self.mesh.bind(0)
+            programs.put(program, "plane_index", k)
+            self.owner.cover(program)
+        else:
+            self.mesh.draw(program, k)
+
     def draw_planes(self) -> None:
         """Draw all slabs, or all planes of the previous method."""
         if self.owner.case.technique == "beams_vertex":
@@ -286,29 +305,34 @@ class LightOnDevice:
     def draw_main_plane(self, k: int) -> None:
         """Blend f_h c_k q of slab k into the frame."""
         owner, draws = self.owner, self.draws
-        program = self._program("main_plane.frag", mesh=self.mesh is not None)
+        program = self._program("main_plane.frag", mesh=self._rasterises_mesh())
         owner.aim(owner.frame, test=True, blend=True)
         programs.put(program, "plane_depth", window_to_ndc(draws.main_depth[k]))
         programs.put(program, "plane_z", draws.main_z[k])
         if self.rectangles:
             owner.frame.scissor = hull(self.rectangles[int(draws.first[k]) : int(draws.first[k + 1])])
-        if self.mesh is None:
-            owner.cover(program)
-        else:
-            self.mesh.draw(program, k)
+        self._draw_plane(program, k)
         owner.frame.scissor = None
 
     def draw_vertex_planes(self, d0: int, d1: int) -> None:
         """Blend planes [d0, d1) of the previous method into the frame."""
         owner, draws = self.owner, self.draws
-        program = self._program("vertex_plane.frag", mesh=self.mesh is not None)
+        program = self._program("vertex_plane.frag", mesh=self._rasterises_mesh())
         owner.aim(owner.frame, test=True, blend=True)
         for k in range(d0, d1):
             programs.put(program, "plane_depth", window_to_ndc(draws.depth[k]))
             programs.put(program, "plane_z", draws.z[k])
             owner.frame.scissor = self.rectangles[k] if self.rectangles else None
-            if self.mesh is None:
-                owner.cover(program)
-            else:
-                self.mesh.draw(program, k)
+            self._draw_plane(program, k)
         owner.frame.scissor = None
+
+    def draw_attributes(self, k: int) -> NDArray[np.float32]:
+        """Return u, v and two colour channels of plane k at every pixel, as the rasteriser interpolates them."""
+        owner = self.owner
+        width, height = owner.case.size
+        texture = owner.ctx.texture((width, height), 4, dtype="f4")
+        target = owner.ctx.framebuffer([texture])
+        program = owner.program("mesh.vert", "attributes.frag", {})
+        owner.aim(target, test=False, blend=False)
+        self.mesh.draw(program, k)
+        return np.frombuffer(texture.read(), np.float32).reshape(height, width, 4)

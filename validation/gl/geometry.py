@@ -59,7 +59,12 @@ class MeshOnDevice:
         self._ctx, self._count = ctx, triangles.size
         self._data = ctx.buffer(data.tobytes())
         self._index = ctx.buffer((triangles + starts).astype(np.int32).tobytes())
+        self._attributes = ctx.buffer(np.concatenate([uv, colours], -1).tobytes())
         self._arrays: dict[Any, Any] = {}
+
+    def bind(self, binding: int) -> None:
+        """Hand the attributes to a fragment shader that interpolates by itself."""
+        self._attributes.bind_to_storage_buffer(binding)
 
     def draw(self, program: Any, plane: int) -> None:
         """Draw one plane."""

@@ -35,6 +35,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--native-exp", action="store_true", help="exp of the device instead of the mirror's")
     parser.add_argument("--no-discard", action="store_true", help="OpenGL blends fragments without light as well")
     parser.add_argument("--scissor", action="store_true", help="OpenGL draws planes only where the light can reach")
+    parser.add_argument("--mesh-in-shader", action="store_true", help="OpenGL interpolates vertices as the mirror does")
     parser.add_argument("--least", type=float, default=0.0, help="least fraction of equal pixels for exit code 0")
     return parser.parse_args(given)
 
@@ -46,7 +47,8 @@ def device(asked: argparse.Namespace) -> tuple[Any, Any]:
 
     def make(case: Case) -> Any:
         return build.Build(
-            ctx, case, native_exp=asked.native_exp, discard=not asked.no_discard, scissor=asked.scissor
+            ctx, case, native_exp=asked.native_exp, discard=not asked.no_discard, scissor=asked.scissor,
+            mesh_in_shader=asked.mesh_in_shader,
         )  # fmt: skip
 
     return ctx, make

@@ -11,9 +11,11 @@ uniform sampler2D q_rest;
 uniform sampler2D fast_map;  // f_h of this slab, one texel a pixel
 uniform float plane_z;
 
-#if VERTEX
+#if VERTEX == 1
 noperspective in vec2 mesh_uv;
 noperspective in vec3 mesh_colour;
+#elif VERTEX == 2
+#include "mesh_corner.glsl"
 #endif
 
 precise out vec4 colour;
@@ -25,6 +27,11 @@ void main() {
     }
     precise float u, v;
     precise vec3 c;
+#if VERTEX == 2
+    vec2 mesh_uv;
+    vec3 mesh_colour;
+    interpolate(gl_FragCoord.xy, mesh_uv, mesh_colour);
+#endif
 #if VERTEX
     u = mesh_uv.x;
     v = mesh_uv.y;

@@ -9,5 +9,6 @@ struct Slab {
     float range, rest;                    // what 1 means in the table, and in the table of the rest
     float from_x, from_y, from_z;         // eye - light
     float cross_ax, cross_ay, cross_az, cross_bx, cross_by, cross_bz, cross_cx, cross_cy, cross_cz;
+    float cells_x, cells_y;               // mesh cells per pixel
 };
 uniform Slab slab;

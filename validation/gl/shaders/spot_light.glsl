@@ -24,7 +24,14 @@ LightRay light_ray(Ray ray) {
     return light;
 }
 
-// Returns I_l H at eye + z d; 0 outside the light's pyramid and in shadow.
+// Returns I_l H at eye + z d; 0 outside the light's pyramid and in shadow.  A fragment without light may as well be
+// discarded, as soon as that is known: where a whole block of them is, llvmpipe skips the texture reads and the blend.
+#if DISCARD
+#define DARK discard
+#else
+#define DARK return vec3(0.0)
+#endif
+
 vec3 illuminate(LightRay light, float z) {
     precise float w = light.w * z + spot.w_0;
     precise float iw = 1.0 / max(w, spot.least_w);
@@ -32,10 +39,13 @@ vec3 illuminate(LightRay light, float z) {
     precise float v = (light.v * z + spot.v_0) * iw;
     bool inside = w >= spot.least_w && u >= 0.0 && u <= 1.0 && v >= 0.0 && v <= 1.0;
     if (!inside) {
-        return vec3(0.0);
+        DARK;
     }
     precise float reference = spot.depth_a - (spot.depth_b + spot.bias * iw) * iw;
     precise float visible = textureLod(shadow_map, vec3(u, v, reference), 0.0);
+    if (visible <= 0.0) {
+        DARK;
+    }
 #if GREY_LIGHT
     precise vec3 light_colour = vec3(textureLod(light_map, vec2(u, v), 0.0).r * visible);
 #else

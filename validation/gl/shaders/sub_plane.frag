@@ -12,10 +12,5 @@ precise out vec4 colour;
 
 void main() {
     precise vec3 lit = illuminate(light_ray(camera_ray(gl_FragCoord.xy)), plane_z);
-#if DISCARD
-    if (lit.r <= 0.0 && lit.g <= 0.0 && lit.b <= 0.0) {
-        discard;
-    }
-#endif
     colour = vec4(lit * share, 0.0);
 }

@@ -10,9 +10,11 @@
 
 uniform float plane_z;
 
-#if VERTEX
+#if VERTEX == 1
 noperspective in vec2 mesh_uv;
 noperspective in vec3 mesh_colour;
+#elif VERTEX == 2
+#include "mesh_corner.glsl"
 #endif
 
 precise out vec4 colour;
@@ -20,12 +22,12 @@ precise out vec4 colour;
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
     precise vec3 lit = illuminate(light_ray(ray), plane_z);
-#if DISCARD
-    if (lit.r <= 0.0 && lit.g <= 0.0 && lit.b <= 0.0) {
-        discard;
-    }
-#endif
     precise vec3 source;
+#if VERTEX == 2
+    vec2 mesh_uv;
+    vec3 mesh_colour;
+    interpolate(gl_FragCoord.xy, mesh_uv, mesh_colour);
+#endif
 #if VERTEX
     source = mesh_colour;
 #else
