@@ -76,7 +76,7 @@ def stages(case: Case, build: Build) -> Iterator[Agreement]:
             yield agreement(f"{light.prefix}/opaque", build.read("frame"), case.codes("frame"))
             build.write("frame", case.codes("frame"))
     for device in build.lights:
-        yield from (_planes if case.technique == "beams_vertex" else _slabs)(case, build, device)
+        yield from (_planes if build.fast is None else _slabs)(case, build, device)
 
 
 def _slabs(case: Case, build: Build, device: LightOnDevice) -> Iterator[Agreement]:

@@ -282,7 +282,7 @@ class LightOnDevice:
 
     def draw_planes(self) -> None:
         """Draw all slabs, or all planes of the previous method."""
-        if self.owner.case.technique == "beams_vertex":
+        if self.owner.fast is None:
             self.draw_vertex_planes(0, len(self.draws.z))
             return
         for k in range(len(self.draws.main_z)):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from atmoref.buffers.layout import Buffer
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene, load_scene
 from atmoref.techniques.render import prepare
@@ -62,6 +63,7 @@ class Case:
     bank: Bank
     base: Pass
     lights: tuple[Light, ...]
+    image: str = ""  # of interleaved sampling: the start of the names of its frame and depth
 
     @property
     def scene(self) -> Scene:
@@ -71,7 +73,12 @@ class Case:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height, pixels."""
-        return self.scene.image.width, self.scene.image.height
+        frame = self.buffer("frame")
+        return frame.width, frame.height
+
+    def buffer(self, name: str) -> Buffer:
+        """Return a buffer of the mirror: frame and depth are the image's own."""
+        return self.bank[self.image + name if name in ("frame", "depth") else name]
 
     @property
     def format(self) -> str:
@@ -84,15 +91,15 @@ class Case:
 
     def codes(self, name: str) -> NDArray[Any]:
         """Return a buffer's codes or values (H, W, C), row 0 at the *bottom* as OpenGL has it."""
-        return np.ascontiguousarray(self.bank[name].codes()[::-1])
+        return np.ascontiguousarray(self.buffer(name).codes()[::-1])
 
     def put(self, name: str, bottom_first: NDArray[Any]) -> None:
         """Store codes or values into a buffer of the mirror."""
-        self.bank[name].put(bottom_first[::-1], self.setting.device)
+        self.buffer(name).put(bottom_first[::-1], self.setting.device)
 
 
-def load(scene: str, overrides: Sequence[str] = (), technique: str | None = None) -> Case:
-    """Return a scene for comparison: the device is llvmpipe, the arithmetic float32.
+def load(scene: str, overrides: Sequence[str] = (), technique: str | None = None) -> list[Case]:
+    """Return a scene for comparison, on llvmpipe and in float32: one case, or one for each interleaved image.
 
     Raises
     ------
@@ -104,15 +111,23 @@ def load(scene: str, overrides: Sequence[str] = (), technique: str | None = None
     question = load_scene(scene, (*overrides, f"buffers.device={DEVICE}", "buffers.arithmetic=float32"))
     name, setting, passes, bank, _ = prepare(question, technique, None, None)
     by_name = {p.name: p for p in passes}
+    images = sorted({p.name.split("/")[0] + "/" for p in passes if p.name.startswith("image_")}) or [""]
+    return [_case(name, setting, bank, by_name, image) for image in images]
+
+
+def _case(technique: str, setting: Setting, bank: Bank, by_name: dict[str, Pass], image: str) -> Case:
+    """Return the passes of one image as a case."""
+    scene = setting.scene
     lights = []
-    for i in range(len(question.lights)):
+    for i in range(len(scene.lights)):
         prefix = f"light_{i}"
-        planes = by_name.get(f"{prefix}/slabs") or by_name.get(f"{prefix}/planes")
+        planes = by_name.get(f"{image}{prefix}/slabs") or by_name.get(f"{image}{prefix}/planes")
         shadow = by_name.get(f"{prefix}/shadow_map")
         if planes is None or shadow is None:
-            raise Unsupported(f"{question.origin}: the OpenGL build needs visibility = shadow_map, and planes to draw")
-        lights.append(Light(prefix, shadow, by_name[f"{prefix}/upload"], by_name.get(f"{prefix}/opaque"), planes))
-    case = Case(name, setting, bank, by_name["opaque"], tuple(lights))
+            raise Unsupported(f"{scene.origin}: the OpenGL build needs visibility = shadow_map, and planes to draw")
+        opaque = by_name.get(f"{image}{prefix}/opaque")
+        lights.append(Light(prefix, shadow, by_name[f"{prefix}/upload"], opaque, planes))
+    case = Case(technique, setting, bank, by_name[f"{image}opaque"], tuple(lights), image)
     _check(case)
     return case
 

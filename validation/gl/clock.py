@@ -44,7 +44,7 @@ def planes(case: Case, build: Build, runs: int) -> Times:
         if light.opaque is not None:
             case.draw(light.opaque)
     build.write("depth", case.codes("depth"))
-    opaque, held = case.codes("frame"), case.bank["frame"].data.copy()
+    opaque, held = case.codes("frame"), case.buffer("frame").data.copy()
     device: list[float] = []
     mirror: list[float] = []
     for run in range(runs + 1):
@@ -55,7 +55,7 @@ def planes(case: Case, build: Build, runs: int) -> Times:
             drawn.draw_planes()
         build.ctx.finish()
         between = time.process_time()
-        case.bank["frame"].data[:] = held
+        case.buffer("frame").data[:] = held
         begin = time.process_time()
         for light in case.lights:
             case.draw(light.planes)

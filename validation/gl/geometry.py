@@ -14,10 +14,13 @@ from atmoref.stages.beam_planes import BeamUniforms
 Rectangle = tuple[int, int, int, int]  # x, y, width, height; row 0 at the bottom
 
 
-def mesh_corners(columns: int, rows: int) -> NDArray[np.float32]:
-    """Return normalised device coordinates of a mesh's vertices, (vertices, 2), bottom row first."""
-    x = 2.0 * np.arange(columns + 1) / columns - 1.0
-    y = 2.0 * np.arange(rows + 1) / rows - 1.0
+def mesh_corners(columns: int, rows: int, start: tuple[float, float] = (0.0, 0.0)) -> NDArray[np.float32]:
+    """Return normalised device coordinates of a mesh's vertices, (vertices, 2), bottom row first.
+
+    `start` is the mesh coordinate of the image's left and lower edge: not 0 in an interleaved image.
+    """
+    x = 2.0 * (np.arange(columns + 1) - start[0]) / columns - 1.0
+    y = 2.0 * (np.arange(rows + 1) - start[1]) / rows - 1.0
     return np.stack([np.tile(x, rows + 1), np.repeat(y, columns + 1)], -1).astype(np.float32)
 
 
@@ -52,7 +55,9 @@ class MeshOnDevice:
     def __init__(self, ctx: Any, given: Mapping[str, Any]) -> None:
         switches = given["uniforms"].slab_switches
         uv, colours = mesh_attributes(given)
-        corners = np.broadcast_to(mesh_corners(switches.mesh_x, switches.mesh_y), (*uv.shape[:2], 2))
+        slab = given["uniforms"].slab
+        corners = mesh_corners(switches.mesh_x, switches.mesh_y, (slab.cell_x, slab.cell_y))
+        corners = np.broadcast_to(corners, (*uv.shape[:2], 2))
         data = np.concatenate([corners, uv, colours], -1).astype(np.float32)
         triangles = mesh_triangles(switches.mesh_x, switches.mesh_y).ravel()
         starts = np.arange(len(uv), dtype=np.int32)[:, None] * uv.shape[1]
@@ -80,8 +85,8 @@ def pyramid_rectangles(uniforms: BeamUniforms, depths: NDArray[np.float64], size
     """Return, for each plane, the pixels that a light's pyramid can reach: all where 0 <= u, v <= 1, and one more."""
     width, height = size
     camera, spot = uniforms.camera, uniforms.spot
-    ex = (np.arange(width) + 0.5) * camera.step_x * camera.tan_x - camera.tan_x
-    ey = ((np.arange(height) + 0.5) * camera.step_y * camera.tan_y - camera.tan_y)[:, None]
+    ex = ((np.arange(width) + 0.5) * camera.step_x + camera.start_x) * camera.tan_x
+    ey = (((np.arange(height) + 0.5) * camera.step_y + camera.start_y) * camera.tan_y)[:, None]
     found = []
     for z in depths:
         u = (ex * spot.u_x + ey * spot.u_y + spot.u_z) * z + spot.u_0

@@ -105,12 +105,12 @@ def main(given: Sequence[str] | None = None) -> int:
     try:
         for fmt in asked.format or [None]:
             chosen = [] if fmt is None else [f"buffers.format={fmt}"]
-            case = load(asked.scene, [*asked.set, *chosen], asked.technique)
-            print(f"{case.scene.name}, {case.technique}, {case.format}")
-            build = make(case)
-            least = min(least, compare(case, build, asked.stages))
-            if asked.time:
-                report_times(case, build, asked.runs)
+            for case in load(asked.scene, [*asked.set, *chosen], asked.technique):
+                print(f"{case.scene.name}, {case.technique}, {case.format} {case.image.rstrip('/')}")
+                build = make(case)
+                least = min(least, compare(case, build, asked.stages))
+                if asked.time:
+                    report_times(case, build, asked.runs)
     except (SceneError, Unsupported) as wrong:
         print(f"error: {wrong}", file=sys.stderr)
         return 2

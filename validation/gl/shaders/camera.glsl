@@ -10,6 +10,7 @@ struct Camera {
     float tan_x, tan_y;     // half-extents of the image plane at z = 1
     float step_x, step_y;   // 2 / width, 2 / height
     float right_x, right_y, right_z, up_x, up_y, up_z, forward_x, forward_y, forward_z;
+    float start_x, start_y; // of the left and lower edge, in half-extents: -1, or an interleaved image's
     float depth_a, depth_b; // window depth of z is depth_a - depth_b / z
 };
 uniform Camera camera;
@@ -22,8 +23,8 @@ struct Ray {
 
 Ray camera_ray(vec2 pixel) {
     precise Ray ray;
-    ray.ex = (pixel.x * camera.step_x - 1.0) * camera.tan_x;
-    ray.ey = (pixel.y * camera.step_y - 1.0) * camera.tan_y;
+    ray.ex = (pixel.x * camera.step_x + camera.start_x) * camera.tan_x;
+    ray.ey = (pixel.y * camera.step_y + camera.start_y) * camera.tan_y;
     ray.dx = ray.ex * camera.right_x + ray.ey * camera.up_x + camera.forward_x;
     ray.dy = ray.ex * camera.right_y + ray.ey * camera.up_y + camera.forward_y;
     ray.dz = ray.ex * camera.right_z + ray.ey * camera.up_z + camera.forward_z;

@@ -8,8 +8,8 @@ layout(std430, binding = 0) readonly buffer Attributes { float attributes[]; }; 
 uniform int plane_index;
 
 void interpolate(vec2 pixel, out vec2 uv, out vec3 colour) {
-    precise float x = pixel.x * slab.cells_x;
-    precise float y = pixel.y * slab.cells_y;
+    precise float x = pixel.x * slab.cells_x + slab.cell_x;
+    precise float y = pixel.y * slab.cells_y + slab.cell_y;
     precise float i = min(floor(x), float(MESH_X) - 1.0);
     precise float j = min(floor(y), float(MESH_Y) - 1.0);
     x = x - i;

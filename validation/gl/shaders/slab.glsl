@@ -10,5 +10,6 @@ struct Slab {
     float from_x, from_y, from_z;         // eye - light
     float cross_ax, cross_ay, cross_az, cross_bx, cross_by, cross_bz, cross_cx, cross_cy, cross_cz;
     float cells_x, cells_y;               // mesh cells per pixel
+    float cell_x, cell_y;                 // mesh coordinate of the left and lower edge
 };
 uniform Slab slab;
