@@ -18,7 +18,14 @@ from atmoref.scene import load_scene
 from atmoref.techniques.render import render
 
 CLASSES = ("unorm8/float32", "float16/float32", "float32/float32", "float64/float64", "unorm8/float64")
-SCENES = {"fig4a": (37, 41), "fig4b": (19, 30), "fig4c": (37, 41), "quick": (17, 23), "two_lights": (45, 30)}
+SCENES = {
+    "fig4a": (37, 41),
+    "fig4b": (19, 30),
+    "fig4c": (37, 41),
+    "keller": (36, 40),
+    "quick": (17, 23),
+    "two_lights": (45, 30),
+}
 
 
 def small(name: str, code_class: str, *overrides: str) -> Any:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from reference.replay import differences
 from reference.scenes import bundled, scenes
 
+SINGLE = ("buffers.format=float32", "buffers.arithmetic=float32")
 FIGURES = ["fig4a", "fig4b", "fig4c", "quick", "two_lights"]
 UNORM = st.builds(
     lambda f, d, r: (
@@ -31,7 +32,8 @@ def assert_equal(scene: Any, technique: str | None = None) -> None:
 @pytest.mark.parametrize("preset", ["paper", "corrected", "analysis"])
 @pytest.mark.parametrize("name", FIGURES)
 def test_bundled_scenes_in_8_bits(name: str, preset: str) -> None:
-    assert_equal(bundled(name, f"technique.preset={preset}", width=61, height=50))
+    eight_bits = ("buffers.format=unorm8", "buffers.arithmetic=float32")
+    assert_equal(bundled(name, f"technique.preset={preset}", *eight_bits, width=61, height=50))
 
 
 @pytest.mark.parametrize("name", ["fig4c", "fig4b", "two_lights"])
@@ -45,7 +47,7 @@ def test_whole_pictures(name: str) -> None:
 def test_float32_buffers(technique: str, preset: str) -> None:
     formats = [f"buffers.{n}.format=float32" for n in ("light_map", "vertex_colour")]
     storage = ["technique.q_storage=unclamped", "buffers.q.format=float32"] if technique == "beams" else []
-    scene = bundled("two_lights", "buffers.format=float32", f"technique.preset={preset}", *formats, *storage)
+    scene = bundled("two_lights", *SINGLE, f"technique.preset={preset}", *formats, *storage)
     assert_equal(scene, technique)
 
 
