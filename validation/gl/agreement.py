@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.gl.build import Build, LightOnDevice
 from validation.gl.case import Case
 from validation.gl.geometry import mesh_attributes
 from validation.gl.interpolation import interpolated, mirrored
+
+if TYPE_CHECKING:
+    from validation.gl.build import Build, LightOnDevice
 
 
 @dataclass(frozen=True, slots=True)

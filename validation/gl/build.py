@@ -22,7 +22,8 @@ from atmoref.stages.main_plane import DT_PAPER
 from atmoref.stages.opaque import PRINTED_G, SATURATING
 from validation.gl import programs
 from validation.gl.case import DEPTH_TOP, Case, Light, inputs
-from validation.gl.geometry import MeshOnDevice, hull, pyramid_rectangles
+from validation.gl.geometry import hull, pyramid_rectangles
+from validation.gl.mesh import MeshOnDevice
 
 KINDS = {"unorm8": ("f1", np.uint8), "unorm16": ("nu2", np.uint16), "float16": ("f2", np.float16),
          "float32": ("f4", np.float32)}  # fmt: skip

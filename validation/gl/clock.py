@@ -5,9 +5,12 @@ from __future__ import annotations
 import statistics
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from validation.gl.build import Build
 from validation.gl.case import Case
+
+if TYPE_CHECKING:
+    from validation.gl.build import Build
 
 
 @dataclass(frozen=True, slots=True)
