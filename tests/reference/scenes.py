@@ -156,6 +156,8 @@ def scenes(draw: st.DrawFn, buffers: st.SearchStrategy[dict[str, Any]], most_sub
         "technique": draw(_techniques()),
         "buffers": draw(buffers),
     }  # fmt: skip
+    if mapping["technique"]["name"] == "beams_vertex":
+        mapping["buffers"] = {k: v for k, v in mapping["buffers"].items() if k != "f_h"}  # it has none
     try:
         scene = scene_from_mapping(mapping)
         assume(_sub_planes(scene) <= most_sub_planes)
