@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -99,7 +98,9 @@ def produce(request: Request, stages: Path | None = None) -> Result:
 def print_stats(result: Result, form: str) -> None:
     """Print what was done, as JSON or as lines."""
     stats: dict[str, Any] = {**result.stats, "provenance": result.provenance}
-    stats["peak_memory_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    from atmoref.techniques.render import peak_memory_mb
+
+    stats["peak_memory_mb"] = peak_memory_mb()
     if form == "json":
         typer.echo(json.dumps(stats, indent=2, default=list))
         return

@@ -211,20 +211,17 @@ def ladder(scene: Scene, *, threads: int | None = None, progress: Told | None = 
     if settings == "float32":
         buffers = _uniform_formats(scene, name, "float32")
         climb("float32", "arithmetic", {"arithmetic": "float32"})
-    if rungs and render_formats(scene, name) != {settings}:
+    own_formats = render_formats(scene, name)
+    if set(own_formats.values()) != {settings}:
         buffers = _own_formats(scene)
-        climb(_storage_name(scene, name), "storage", buffers)
+        climb("storage in " + ", ".join(sorted(set(own_formats.values()))), "storage", dict(own_formats))
     return Ladder(scene, np.clip(reference.image, 0.0, 1.0), tuple(rungs))
 
 
-def render_formats(scene: Scene, name: str) -> set[str]:
-    """Return the names of all formats that a scene's own buffers have."""
+def render_formats(scene: Scene, name: str) -> dict[str, str]:
+    """Return the format of each of a scene's own buffers."""
     defaults: dict[str, str] = dict(technique_module(name).BUFFERS[scene.technique.preset])
     if scene.buffers.format is not None:
         defaults["frame"] = scene.buffers.format
     defaults.update({k: v.format for k, v in scene.buffers.per_buffer.items()})
-    return {defaults["frame"] if f == "frame" else f for f in defaults.values()}
-
-
-def _storage_name(scene: Scene, name: str) -> str:
-    return "storage in " + ", ".join(sorted(render_formats(scene, name)))
+    return {key: defaults["frame"] if f == "frame" else f for key, f in defaults.items()}

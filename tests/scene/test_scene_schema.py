@@ -23,6 +23,7 @@ class Beams(Table):
     bounds: Literal["depth", "euclid"] = quantity("", "Extent.", "depth")
     planes: int | None = quantity("", "Count.", None, ge=1)
     images: int | None = quantity("", "Count.", None, ge=1)
+    shadow_bias_m: float = quantity("m", "Bias.", 0.1, ge=0.0)
     composition: Literal["average", "interleave"] = quantity("", "What becomes of images.", "average")
 
 
