@@ -152,7 +152,7 @@ def test_shaders_include_what_they_name() -> None:
 @pytest.mark.parametrize("fmt", FORMATS)
 @pytest.mark.parametrize("scene", ["fig4a", "fig4c", "two_lights"])
 def test_full_pictures(scene: str, fmt: str, coordinates: str) -> None:
-    """Per pixel >= 99.9 % at all targets; per vertex interpolation is left: measured 0.8152 in float32, else 0.9984."""
+    """Per pixel >= 99.9 % at all targets; per vertex interpolation is left: measured 0.7566 in float32, else 0.9984."""
     (case,) = load(scene, (f"buffers.format={fmt}", f"technique.coordinates={coordinates}"))
     found = whole(case, BUILD.Build(CONTEXT, case))
     left = 0.5 if fmt == "float32" else 0.998
