@@ -1,7 +1,7 @@
 # One way to run everything. `make help` lists the targets.
 #
-# Needs Python >= 3.11 and make. Everything else is installed into .venv; optional system parts (an OpenGL and a Vulkan
-# software device, a browser, Node) come with `make system-deps` and are never needed by `make demo` or `make test`.
+# Needs Python >= 3.11 and make. Everything else is installed into .venv; optional system parts (a software OpenGL
+# device) come with `make system-deps` and are never needed by `make demo` or `make test`.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -71,11 +71,11 @@ bench: $(DEVELOP)
 	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
 	@if [ -f validation/bench.py ]; then $(BIN)/python validation/bench.py; fi
 
-# Optional: software OpenGL and Vulkan devices, the browser that opens reports, Node for other people's readers.
+# Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless.
 system-deps:
 	@sudo=; if [ "$$(id -u)" != 0 ]; then sudo=sudo; fi; \
 	$$sudo apt-get update && $$sudo apt-get install --yes --no-install-recommends \
-		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2 mesa-vulkan-drivers libvulkan1 chromium nodejs
+		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2
 
 clean:
 	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks

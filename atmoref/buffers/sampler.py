@@ -40,6 +40,7 @@ from atmoref.lanes import (
     round_int,
     saturate,
     select,
+    shift_right,
     to_int,
 )
 
@@ -66,6 +67,7 @@ class Texture(NamedTuple):
     clamp_reference: bool  # it clamps its reference to [0, 1]
     inverse: float  # value of a code that the filter `bytes` returns: code * inverse + code * inverse_rest
     inverse_rest: float
+    quads: bool  # `packed` holds 2 x 2 footprints of codes
 
 
 def _channels_first(values: ArrayLike, volume: bool) -> NDArray[Any]:
@@ -160,12 +162,23 @@ def texture(
     if channels * plane >= 1 << 31:
         raise ValueError(f"a texture of shape {texels.shape} has more elements than a 32-bit index reaches")
     codes = np.pad(_codes(texels, fmt, device), padding, mode="edge")
-    packed = _packed(codes) if chosen == "bytes" else np.zeros(1, np.int32)
+    quads = fmt.name == "unorm8" and chosen != "bytes" and not volume
+    packed = _packed(codes) if chosen == "bytes" else _quads(codes) if quads else np.zeros(1, np.int32)
     data = np.ascontiguousarray(decode_as(codes, fmt, device, real).ravel())
     clamps = device.clamp_shadow_reference and fmt.kind == "unorm"
     mode = MODES[chosen]
     factors = decode_factors(fmt, device) if fmt.kind == "unorm" else (1.0, 0.0)
-    return Texture(data, packed, width, height, depth, row, slab, plane, mode, compare == "pcf", clamps, *factors)
+    return Texture(
+        data, packed, width, height, depth, row, slab, plane, mode, compare == "pcf", clamps, *factors, quads
+    )  # fmt: skip
+
+
+def _quads(codes: NDArray[Any]) -> NDArray[np.int32]:
+    """Return, for each texel of each channel, the codes of its 2 x 2 footprint in the four bytes of a word."""
+    footprints = np.pad(codes.astype(np.uint32), ((0, 0), (0, 0), (0, 1), (0, 1)), mode="edge")
+    a, b = footprints[..., :-1, :-1], footprints[..., :-1, 1:]
+    c, d = footprints[..., 1:, :-1], footprints[..., 1:, 1:]
+    return np.ascontiguousarray(a | b << 8 | c << 16 | d << 24).ravel().view(np.int32)
 
 
 # ---- coordinates
@@ -235,6 +248,16 @@ def quad(arith, tex, index, wx, wy):
 
 
 @device
+def byte_footprint(arith, tex, index, wx, wy):
+    """Return what `quad` returns of an 8-bit texture, from one gather of four codes instead of four of values."""
+    word = gather(tex.packed, index)
+    a, b = byte_value(tex, lift(arith, word & 255)), byte_value(tex, lift(arith, (word >> 8) & 255))
+    c = byte_value(tex, lift(arith, (word >> 16) & 255))
+    d = byte_value(tex, lift(arith, shift_right(word, 24)))
+    return lerp(tex, wy, lerp(tex, wx, a, b), lerp(tex, wx, c, d))
+
+
+@device
 def byte_quad(tex, index, shift, wx, wy):
     """Return the 8-bit filter of channels `shift` and `shift` + 16 bits, in codes, packed as they were."""
     a, b = gather_pair(tex.packed, index)
@@ -251,6 +274,8 @@ def bilinear(arith, tex, channel, u, v):
         code = byte_quad(tex, y * tex.row + x + (tex.row + 1), 8 * channel, wx, wy)
         return byte_value(tex, lift(arith, code & 255))
     index, wx, wy = footprint(tex, u, v)
+    if tex.quads:
+        return byte_footprint(arith, tex, index + channel * tex.plane, wx, wy)
     return quad(arith, tex, index + channel * tex.plane, wx, wy)
 
 
@@ -267,6 +292,12 @@ def bilinear3(arith, tex, u, v):
             byte_value(tex, lift(arith, rb >> 16)),
         )
     index, wx, wy = footprint(tex, u, v)
+    if tex.quads:
+        return (
+            byte_footprint(arith, tex, index, wx, wy),
+            byte_footprint(arith, tex, index + tex.plane, wx, wy),
+            byte_footprint(arith, tex, index + 2 * tex.plane, wx, wy),
+        )
     return (
         quad(arith, tex, index, wx, wy),
         quad(arith, tex, index + tex.plane, wx, wy),

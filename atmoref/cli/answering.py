@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import model_validator
 
 from atmoref.cli.failures import RequestError
+from atmoref.cli.quick_start import load_numba_without_blas
 from atmoref.scene import Scene, SceneError, parse_model
 from atmoref.scene.errors import contradiction, nearest
 from atmoref.scene.fields import Table, quantity
@@ -117,6 +118,7 @@ def answer(request: Request, waiting: Waiting, watch: Watch | None = None) -> Re
                 "--stages: the truth has no stages; allowed with the techniques " + ", ".join(TECHNIQUES)
             )
         return _truth(request, waiting)
+    load_numba_without_blas()
     from atmoref.techniques.render import render
 
     return render(

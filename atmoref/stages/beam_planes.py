@@ -82,21 +82,32 @@ def probe_values(probe, draw, z, u, v, w, mask, drawn, stored):
 
 
 @device
+def reached(arith, draws, first, last, pixel):
+    """Return the mask of lanes that sub-planes `first` to `last` of one slab can light: in the pyramid, not hidden."""
+    in_span = (lift(arith, draws.z[last]) >= pixel.span.near) & (lift(arith, draws.z[first]) <= pixel.span.far)
+    return in_span & (lift(arith, draws.depth[first]) < pixel.surface)
+
+
+@device
 def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, k, s0, s1, h, probe, trace, count):
     """Blend sub-planes [s0, s1) of slab k into h."""
     sub_lit, samples = count.sub_lit, count.samples
     air = spread_int(int32(-1))
+    done = Count(count.sub + max(s1 - s0, 0), sub_lit, samples, count.main, count.main_lit)
+    skip = switches.skip != 0 and trace == 0
+    if skip and (s0 >= s1 or not any_lane(reached(arith, draws, s0, s1 - 1, pixel))):
+        return h, done
     for s in range(s0, s1):
-        z = lift(arith, draws.z[s])
-        if switches.skip != 0 and trace == 0 and not any_lane((z >= pixel.span.near) & (z <= pixel.span.far)):
+        if skip and not any_lane(reached(arith, draws, s, s, pixel)):
             continue
         h, mask, lit = draw_sub_plane(arith, form, rules, switches, spot, maps, solids, draws, s, pixel, air, h)
         if any_lane(mask):
             sub_lit += 1
             samples += count_lanes(mask)
         if trace != 0:
+            z = lift(arith, draws.z[s])
             probe_values(probe, s + k, z, lit.u, lit.v, lit.w, mask, Colour(lit.r, lit.g, lit.b), h)
-    return h, Count(count.sub + max(s1 - s0, 0), sub_lit, samples, count.main, count.main_lit)
+    return h, Count(done.sub, sub_lit, samples, done.main, done.main_lit)
 
 
 @device

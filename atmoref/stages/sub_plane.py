@@ -16,14 +16,15 @@ from atmoref.stages.target import Colour, channel_rule
 class Draws(NamedTuple):
     """The planes of one light.  Slab k owns sub-planes first[k] to first[k + 1] - 1 (int32, n + 1).
 
-    Depths are eye-space metres; window depths are in the units of the depth buffer (codes of an unorm one).
+    Depths are eye-space metres; window depths are in the units of the depth buffer (codes of an unorm one).  Arrays are
+    of the arithmetic's type.
     """
 
     first: NDArray[Any]
-    z: NDArray[Any]  # float64, sub-planes
+    z: NDArray[Any]  # sub-planes, ascending within a slab
     depth: NDArray[Any]
     share: NDArray[Any]  # weight of a sub-plane in f_h
-    main_z: NDArray[Any]  # float64, main planes
+    main_z: NDArray[Any]  # main planes
     main_depth: NDArray[Any]
 
 

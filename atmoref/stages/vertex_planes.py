@@ -22,12 +22,12 @@ from atmoref.stages.beam_planes import (
 )
 from atmoref.stages.camera import camera_ray
 from atmoref.stages.main_plane import DT_PAPER, interpolate, mesh_corner
-from atmoref.stages.spot_light import illuminate, light_ray
+from atmoref.stages.spot_light import illuminate, light_ray, pyramid_span
 from atmoref.stages.target import Colour, add_colour, read_colour, write_colour
 
 
 class VertexDraws(NamedTuple):
-    """The planes of one light (float64): eye-space depth and window depth in units of the depth buffer."""
+    """The planes of one light : eye-space depth and window depth in units of the depth buffer."""
 
     z: NDArray[Any]
     depth: NDArray[Any]
@@ -80,12 +80,17 @@ def vertex_planes(frame, depth, counters, probe, arith, form, rules, uniforms, m
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
             light = light_ray(spot, ray)
+            span = pyramid_span(spot, light)
             corner = mesh_corner(arith, slab, slab_switches.mesh_x, slab_switches.mesh_y, column, row)
             surface = lift(arith, load(depth, p))
             stored = read_colour(arith, frame, p, size)
             for k in range(window.d0, window.d1):
                 waves += 1
                 z = lift(arith, draws.z[k])
+                if switches.skip != 0 and window.trace == 0:
+                    reached = (z >= span.near) & (z <= span.far) & (lift(arith, draws.depth[k]) < surface)
+                    if not any_lane(reached):
+                        continue
                 lit = illuminate(arith, switches, spot, maps, solids, ray, light, z, air)
                 mask = lit.mask & (lift(arith, draws.depth[k]) < surface)
                 f_r, f_g, f_b = zero, zero, zero

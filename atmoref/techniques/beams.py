@@ -100,7 +100,7 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     """Return the vertex attributes of every main plane: u, v, and c_k as a stored colour (D-E15)."""
     scene, params = stage.scene, stage.params
     if params.coordinates != "vertex":
-        nothing = np.zeros(1)
+        nothing = np.zeros(1, stage.setting.dtype)
         return Mesh(nothing, nothing, nothing)
     points = (params.mesh[0] + 1) * (params.mesh[1] + 1) * len(plan.main_z)
     stage.setting.require(stage.bank, points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
@@ -116,7 +116,8 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     factor = span if params.dt_mode == "cosine" else np.ones_like(span)
     sigmas = scene.medium.extinction_per_m[: 1 if spot.switches.grey_fog else 3]
     c = np.stack([exp(-sigma * (span * z)) * factor for sigma in sigmas])
-    return Mesh(u.ravel(), np.tile(v, len(plan.main_z)), encoded(stage.setting, "vertex_colour", c).ravel())
+    attributes = (u.ravel(), np.tile(v, len(plan.main_z)), encoded(stage.setting, "vertex_colour", c).ravel())
+    return Mesh(*(array.astype(stage.setting.dtype) for array in attributes))
 
 
 def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -> tuple[QMaps, float, float]:
@@ -185,10 +186,11 @@ def slab_pass(stage: Stage, spot: Spotlight, plan: BeamPlan, counters: NDArray[n
     uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     depth_format = setting.formats["depth"]
     sub_depth = plan.sub_z if params.sub_plane_depth_test else plan.main_z[plan.sub_slab]
-    draws = Draws(
-        plan.first, plan.sub_z, window_codes(scene, sub_depth, depth_format), plan.share,
+    uploaded = (
+        plan.sub_z, window_codes(scene, sub_depth, depth_format), plan.share,
         plan.main_z, window_codes(scene, plan.main_z, depth_format),
     )  # fmt: skip
+    draws = Draws(plan.first, *(array.astype(setting.dtype) for array in uploaded))
     mesh, quadrature = vertex_mesh(stage, spot, plan), gauss_legendre(NODES[setting.arithmetic])
     frame, fast, depth = stage.bank["frame"], stage.bank["f_h"], stage.bank["depth"]
     rules = (setting.rules("frame"), setting.rules("f_h"))

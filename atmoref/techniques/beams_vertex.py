@@ -85,8 +85,9 @@ def planes_pass(
     slab = beams.slab_uniforms(stage, spot, dt_m, (0.0,) * 6)
     choices = beams.slab_switches(scene, spot, params, exact_q=False, rest=False)
     uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
-    draws = VertexDraws(z, beams.window_codes(scene, z, setting.formats["depth"]))
-    colours = vertex_colours(stage, spot, z, dt_m)
+    codes = beams.window_codes(scene, z, setting.formats["depth"])
+    draws = VertexDraws(z.astype(setting.dtype), codes.astype(setting.dtype))
+    colours = vertex_colours(stage, spot, z, dt_m).astype(setting.dtype)
     frame, depth, rules = stage.bank["frame"], stage.bank["depth"], setting.rules("frame")
 
     def execute(d0: int, d1: int, row0: int, row1: int) -> None:
