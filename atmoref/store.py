@@ -103,11 +103,12 @@ def _remove_abandoned(target: Path) -> None:
     pattern = re.compile(re.escape(f".{target.stem}.{_host()}-") + r"(\d+)-[0-9a-f]{8}\.tmp" + re.escape(target.suffix))
     for other in target.parent.iterdir():
         match = pattern.fullmatch(other.name)
-        if match and not _alive(int(match[1])):
+        if match and not process_lives(int(match[1])):
             other.unlink(missing_ok=True)
 
 
-def _alive(process: int) -> bool:
+def process_lives(process: int) -> bool:
+    """Return whether a process of this number runs on this machine."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -19,6 +19,7 @@ import numpy as np
 from atmoref.cli.failures import RequestError
 from atmoref.cli.pictures import Attributes, attributes, check_directory
 from atmoref.images import Image, from_rgb, write
+from atmoref.store import process_lives
 
 if TYPE_CHECKING:
     from atmoref.buffers.layout import Buffer
@@ -184,15 +185,5 @@ def _remove_abandoned(target: Path) -> None:
     pattern = re.compile(re.escape(_prefix(target)) + r"(\d+)-[0-9a-f]{8}(?:\.old)?\.tmp")
     for other in target.parent.iterdir():
         match = pattern.fullmatch(other.name)
-        if match and not _alive(int(match[1])):
+        if match and not process_lives(int(match[1])):
             shutil.rmtree(other, ignore_errors=True)
-
-
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
