@@ -8,24 +8,35 @@ is forward and phase functions integrate to 1 over the sphere.
 from atmoref.scene.camera import Camera, pixel_to_camera_plane, ray_directions
 from atmoref.scene.document import Scene, scene_from_mapping
 from atmoref.scene.errors import SceneError, parse_model
+from atmoref.scene.lights import Light, Projector, Spot, Sun, Window
 from atmoref.scene.load import bundled_names, bundled_text, load_scene, parse_scene
-from atmoref.scene.models import Box, Buffers, Ground, Image, Medium, PhaseFunction, Sphere, Spot, Technique
+from atmoref.scene.models import Buffers, Image, Medium, PhaseFunction, Technique
+from atmoref.scene.objects import Box, Ground, HeightField, Mesh, Object, Sphere
 from atmoref.scene.result import Result
+from atmoref.scene.triangles import Triangles
 
 __all__ = [
     "Box",
     "Buffers",
     "Camera",
     "Ground",
+    "HeightField",
     "Image",
+    "Light",
     "Medium",
+    "Mesh",
+    "Object",
     "PhaseFunction",
+    "Projector",
     "Result",
     "Scene",
     "SceneError",
     "Sphere",
     "Spot",
+    "Sun",
     "Technique",
+    "Triangles",
+    "Window",
     "bundled_names",
     "bundled_text",
     "load_scene",

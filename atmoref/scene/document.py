@@ -7,25 +7,32 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from atmoref.scene import emit
 from atmoref.scene.camera import Camera
 from atmoref.scene.describe import found
 from atmoref.scene.errors import SceneError, parse_model
-from atmoref.scene.models import (
-    PHASES_WITH_G,
-    Buffers,
-    Image,
-    Medium,
-    Object,
-    SceneFile,
-    Spot,
-    Technique,
-)
+from atmoref.scene.lights import Light, Projector, Sun
+from atmoref.scene.models import PHASES_WITH_G, Buffers, Image, Medium, SceneFile, Technique
+from atmoref.scene.objects import HeightField, Mesh, Object
 from atmoref.scene.overrides import apply_overrides
+from atmoref.scene.triangles import Triangles
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 SCHEMA = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """What the files of a scene hold, by index of the light or object, and their SHA-256 by name."""
+
+    light_maps: Mapping[int, NDArray[np.float64]] = field(default_factory=dict, compare=False)
+    triangles: Mapping[int, Triangles] = field(default_factory=dict, compare=False)
+    digests: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +45,7 @@ class Scene:
 
     image: Image
     camera: Camera
-    lights: tuple[Spot, ...]
+    lights: tuple[Light, ...]
     medium: Medium
     objects: tuple[Object, ...]
     technique: Technique
@@ -47,6 +54,16 @@ class Scene:
     path: Path | None = field(default=None, compare=False)
     origin: str = field(default="scene", compare=False)
     """What messages call the file."""
+    files: Files = field(default_factory=Files, repr=False)
+    """What the scene's files hold; equal when their contents are."""
+
+    def light_map(self, index: int) -> NDArray[np.float64] | None:
+        """Return the picture of light ``index``: (H, W, 3), linear, in [0, 1], row 0 at the top; None without one."""
+        return self.files.light_maps.get(index)
+
+    def triangles(self, index: int) -> Triangles | None:
+        """Return the triangles of object ``index``, in metres in the world; None for one that has none."""
+        return self.files.triangles.get(index)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the resolved scene as plain values, defaults filled in; keys as in the file."""
@@ -68,10 +85,14 @@ class Scene:
     def digest(self) -> str:
         """Return the SHA-256, in hexadecimal, of question and answer.
 
-        Over canonical JSON of the resolved scene: keys sorted, numbers as exact hexadecimal, so that 1 and 1.0 agree
-        and the order of keys, comments, and keys that repeat a default do not count.
+        Over canonical JSON of the resolved scene, with the SHA-256 of each file that it names: keys sorted, numbers as
+        exact hexadecimal, so that 1 and 1.0 agree and the order of keys, comments, and keys that repeat a default do
+        not count.
         """
-        text = json.dumps(_canonical(self.to_mapping()), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+        content = {"files": self.files.digests} if self.files.digests else {}
+        text = json.dumps(
+            _canonical(self.to_mapping() | content), sort_keys=True, separators=(",", ":"), ensure_ascii=True
+        )
         return hashlib.sha256(text.encode()).hexdigest()
 
     def with_overrides(self, overrides: Sequence[str]) -> Scene:
@@ -114,7 +135,37 @@ def scene_from_mapping(
         name=name,
         path=path,
         origin=origin,
+        files=_files(whole, path, origin),
     )
+
+
+def _files(whole: SceneFile, path: Path | None, origin: str) -> Files:
+    """Return what the files that a scene names hold; they lie beside it, or in the current folder if it has no path."""
+    if not any(isinstance(item, Projector | Sun | Mesh | HeightField) for item in (*whole.lights, *whole.objects)):
+        return Files()
+    from atmoref.scene import assets  # NumPy is not needed before
+
+    folder = Path.cwd() if path is None else path.parent
+    light_maps: dict[int, NDArray[np.float64]] = {}
+    triangles: dict[int, Triangles] = {}
+    digests: dict[str, str] = {}
+    for i, light in enumerate(whole.lights):
+        picture = light if isinstance(light, Projector) else light.window if isinstance(light, Sun) else None
+        if picture is None or picture.image is None:
+            continue
+        key = f"lights[{i}].{'window.' if isinstance(light, Sun) else ''}image"
+        light_maps[i] = assets.light_map(folder, picture.image, picture.image_encoding, key, origin)
+        digests[picture.image] = assets.content_digest(assets.resolve(folder, picture.image, key, origin))
+    for i, item in enumerate(whole.objects):
+        if not isinstance(item, Mesh | HeightField):
+            continue
+        key = f"objects[{i}].path"
+        if isinstance(item, Mesh):
+            triangles[i] = assets.mesh_triangles(folder, item, key, origin)
+        else:
+            triangles[i] = assets.height_field_triangles(folder, item, key, origin)
+        digests[item.path] = assets.content_digest(assets.resolve(folder, item.path, key, origin))
+    return Files(light_maps, triangles, digests)
 
 
 def _plain(table: Any) -> Any:

@@ -86,3 +86,11 @@ Extinctions = Annotated[
     Allowed("one finite number or a list of three, each >= 0 and <= 1e6"),
 ]
 """A non-negative extinction coefficient per colour channel."""
+
+FileName = Annotated[
+    str,
+    Field(min_length=1, max_length=1024),
+    Allowed("the name of a file in the folder of the scene file or below it"),
+]
+"""A file that belongs to a scene."""
+BESIDE = "A file in the folder of the scene file or below it."

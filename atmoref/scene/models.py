@@ -9,10 +9,12 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, Strict, model_validator
 
-from atmoref.scene.camera import Camera, Vec3, unit_vector
+from atmoref.scene.camera import Camera, Vec3
 from atmoref.scene.describe import Allowed, found
 from atmoref.scene.errors import Contradiction, Problem, contradiction
-from atmoref.scene.fields import FARTHEST_M, Extinctions, Fractions, Radiances, Table, Vector, quantity
+from atmoref.scene.fields import Extinctions, Fractions, Radiances, Table, quantity
+from atmoref.scene.lights import Light, Sun
+from atmoref.scene.objects import Box, Ground, Object, Sphere
 
 MAX_PIXELS = 1 << 26
 FormatName = Literal[
@@ -52,39 +54,6 @@ class Image(Table):
         return self
 
 
-class Spot(Table):
-    """A point that shines into a cone; I_l is its dimensionless light distribution, at most 1."""
-
-    type: Literal["spot"] = quantity("", "Kind of light.")
-    position_m: Vector = quantity("m", "Where the light is [x, y, z].")
-    direction: Vector = quantity("", "Axis of the cone, in the direction the light travels. Any length but zero.")
-    inner_half_angle_deg: float = quantity(
-        "degrees", "From the axis to where the light starts to fall off.", gt=0.0, le=89.0
-    )
-    outer_half_angle_deg: float = quantity("degrees", "From the axis to where the light ends.", gt=0.0, le=89.0)
-    falloff: Literal["smoothstep_cosine", "linear_angle", "none"] = quantity(
-        "",
-        "From inner to outer cone: x*x*(3 - 2x) with x linear in the cosine; linear in the angle; or full up to the "
-        "outer cone.",
-        "smoothstep_cosine",
-    )
-    peak: float = quantity("", "I_l inside the inner cone; a light map stores it in [0, 1].", 1.0, gt=0.0, le=1.0)
-    radiant_intensity_w_per_sr: Radiances = quantity("W/sr", "Where I_l is 1; one number or one per channel.")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.inner_half_angle_deg > self.outer_half_angle_deg:
-            outer = f"at most outer_half_angle_deg, which is {self.outer_half_angle_deg} (degrees)"
-            raise contradiction(("inner_half_angle_deg",), f"{self.inner_half_angle_deg}", outer)
-        if self.direction == (0.0, 0.0, 0.0):
-            raise contradiction(("direction",), "[0, 0, 0]", "a direction of non-zero length")
-        return self
-
-    def axis(self) -> Vec3:
-        """Return the unit vector along which the light travels (the same bits on every machine)."""
-        return unit_vector(self.direction)
-
-
 class PhaseFunction(Table):
     """How the medium spreads light; integrates to 1 over the sphere; cosine 1 is forward."""
 
@@ -113,42 +82,6 @@ class Medium(Table):
     ambient_radiance: Radiances = quantity(
         "W/(m2 sr)", "Added to every pixel (I_a); one number or one per channel.", (0.0, 0.0, 0.0)
     )
-
-
-class Sphere(Table):
-    """A solid sphere."""
-
-    type: Literal["sphere"] = quantity("", "Kind of object.")
-    center_m: Vector = quantity("m", "Centre [x, y, z].")
-    radius_m: float = quantity("m", "Radius.", gt=0.0, le=FARTHEST_M)
-    albedo: Fractions = quantity("", "Lambert reflectance; one number or one per channel.")
-
-
-class Box(Table):
-    """A solid box with faces along the axes."""
-
-    type: Literal["box"] = quantity("", "Kind of object.")
-    min_m: Vector = quantity("m", "Corner with the least coordinates [x, y, z].")
-    max_m: Vector = quantity("m", "Corner with the greatest coordinates [x, y, z].")
-    albedo: Fractions = quantity("", "Lambert reflectance; one number or one per channel.")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if not all(low < high for low, high in zip(self.min_m, self.max_m, strict=True)):
-            below = f"less than max_m = {found(self.max_m)} in every coordinate (m)"
-            raise contradiction(("min_m",), found(self.min_m), below)
-        return self
-
-
-class Ground(Table):
-    """The plane y = height, seen from both sides."""
-
-    type: Literal["ground"] = quantity("", "Kind of object.")
-    height_m: float = quantity("m", "Height y of the plane.", 0.0, ge=-FARTHEST_M, le=FARTHEST_M)
-    albedo: Fractions = quantity("", "Lambert reflectance; one number or one per channel.")
-
-
-Object = Sphere | Box | Ground
 
 
 class Technique(Table):
@@ -225,13 +158,15 @@ class SceneFile(Table):
     image: Image = quantity("", "The picture.")
     camera: Camera = quantity("", "The eye.")
     lights: Annotated[
-        tuple[Spot, ...], Strict(False), Allowed('one or more [[lights]] tables, each with type = "spot"')
+        tuple[Annotated[Light, Field(discriminator="type")], ...],
+        Strict(False),
+        Allowed('one or more [[lights]] tables, each with type = "spot", "projector" or "sun"'),
     ] = quantity("", "The lights; several add up.", min_length=1)
     medium: Medium = quantity("", "What fills the space.")
     objects: Annotated[
         tuple[Annotated[Object, Field(discriminator="type")], ...],
         Strict(False),
-        Allowed('[[objects]] tables, each with type = "sphere", "box" or "ground"'),
+        Allowed('[[objects]] tables, each with type = "sphere", "box", "ground", "mesh" or "height_field"'),
     ] = quantity("", "Opaque things that are seen and cast shadows.", ())
     technique: Technique = quantity("", "How to answer.", Technique())
     buffers: Buffers = quantity("", "How numbers are stored on the way.", Buffers())
@@ -256,6 +191,8 @@ def _misplaced_eye(scene: SceneFile) -> list[Problem]:
 def _misplaced_lights(scene: SceneFile) -> list[Problem]:
     problems = []
     for number, light in enumerate(scene.lights):
+        if isinstance(light, Sun):
+            continue
         path, at = ("lights", number, "position_m"), light.position_m
         if at == scene.camera.position_m:
             problems.append(Problem(path, f"found {found(at)}, the camera's position; allowed: another point (m)"))
@@ -275,6 +212,8 @@ def _inside(point: Vec3, item: Object, name: str, *, touching: bool) -> str:
         if distance < item.radius_m or (touching and distance == item.radius_m):
             return f"inside {name} (sphere at {found(item.center_m)}, radius {item.radius_m} m)"
         return ""
+    if not isinstance(item, Box):
+        return ""  # triangles enclose nothing for certain
     pairs = list(zip(item.min_m, point, item.max_m, strict=True))
     if all(low < at < high for low, at, high in pairs) or (
         touching and all(low <= at <= high for low, at, high in pairs)

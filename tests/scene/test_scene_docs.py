@@ -6,7 +6,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from atmoref.scene import models
+from atmoref.scene import lights, models, objects
 from atmoref.scene.camera import Camera
 from atmoref.scene.describe import unit_of
 
@@ -15,12 +15,17 @@ ROWS = [[cell.strip() for cell in line.strip("|").split("|")] for line in PAGE.s
 TABLES: list[type[BaseModel]] = [
     models.Image,
     Camera,
-    models.Spot,
+    lights.Spot,
+    lights.Projector,
+    lights.Sun,
+    lights.Window,
     models.PhaseFunction,
     models.Medium,
-    models.Sphere,
-    models.Box,
-    models.Ground,
+    objects.Sphere,
+    objects.Box,
+    objects.Ground,
+    objects.Mesh,
+    objects.HeightField,
     models.Technique,
     models.Buffers,
 ]
@@ -48,7 +53,7 @@ def test_the_page_tells_of_every_key(table: type[BaseModel], name: str) -> None:
 
 def test_the_page_knows_no_other_keys() -> None:
     known = {name for _, name in KEYS} | {"schema", *models.SceneFile.model_fields}
-    assert {row[0].strip("`") for row in ROWS} - known == {"phase_function` key"}
+    assert {row[0].strip("`") for row in ROWS} - known == {"phase_function` key", "window` key"}
 
 
 def test_the_example_on_the_page_is_a_scene() -> None:

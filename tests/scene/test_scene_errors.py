@@ -75,7 +75,7 @@ KEYS: list[tuple[str, str, list[Any], str]] = [
     ("camera.vertical_fov_deg", "(degrees), >= 0.01, <= 170", [0, 0.0, -36.0, 179.0, 180, 360.0], "vertical_fov_rad"),
     ("camera.near_m", "(m), >= 1e-6", [0.0, -1.0, 2e9], "near_cm"),
     ("camera.far_m", "(m), >= 1e-6, <= 1e9", [0.0, -5.0, 1e10], "far_km"),
-    ("lights[0].type", '"spot"', ["projector", "sun", "point", "SPOT"], "kind"),
+    ("lights[0].type", '"spot", "projector", "sun"', ["point", "SPOT"], "kind"),
     ("lights[0].position_m", VECTOR, [[], [1.0, 2.0], [-1e12, 0.0, 0.0]], "position"),
     ("lights[0].direction", VECTOR, [[0.0, 1.0], [2e9, 0.0, 0.0]], "direction_m"),
     ("lights[0].inner_half_angle_deg", "(degrees), > 0, <= 89", [0.0, -1.0, 90.0], "inner_half_angle_rad"),
@@ -88,7 +88,7 @@ KEYS: list[tuple[str, str, list[Any], str]] = [
     ("medium.ambient_radiance", "(W/(m2 sr))", [-1.0, 1e30], "ambient"),
     ("medium.phase_function.type", '"henyey_greenstein", "rayleigh"', ["mie", "hg"], "kind"),
     ("medium.phase_function.g", "> -1, < 1", [-1, 1.0, 1, 7.5], "g_per_m"),
-    ("objects[0].type", '"sphere", "box", "ground"', ["mesh", "height_field", "spher"], "kind"),
+    ("objects[0].type", '"sphere", "box", "ground", "mesh", "height_field"', ["teapot", "spher"], "kind"),
     ("objects[0].center_m", VECTOR, [[0.0], [0.0, 0.0, 1e12]], "centre_m"),
     ("objects[0].radius_m", "(m), > 0", [0.0, -2.0, 1e12], "radius_mm"),
     ("objects[0].albedo", ">= 0 and <= 1", [-0.05, 1.05, [0.1, 0.1]], "albdo"),
@@ -288,7 +288,7 @@ def test_several_problems_are_listed_each_on_a_line(tmp_path: Path) -> None:
     scene = base()
     put(scene, "image.width", 0)
     put(scene, "lights[0].peak", 2.0)
-    put(scene, "objects[1].type", "mesh")
+    put(scene, "objects[1].type", "teapot")
     put(scene, "objects[1].path", "teapot.obj")
     put(scene, "medium.extinction", 0.1)
     first, *lines = message(write(tmp_path, scene)).split("\n")

@@ -69,7 +69,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
         camera=table(
             position_m=st.tuples(coordinate, st.just(0.5), coordinate).map(list),
             look_at_m=st.just([0.0, 1e6, 3.0]),
-            up_=st.tuples(positive, st.just(0.0), st.just(0.0)).map(list).filter(lambda up: up[0] > 0),
+            up=st.tuples(positive, st.just(0.0), st.just(0.0)).map(list).filter(lambda up: up[0] > 0),
             vertical_fov_deg=st.floats(0.01, 170.0),
             near_m_=st.floats(1e-6, 999.0),
         ),
