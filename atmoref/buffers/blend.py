@@ -166,8 +166,10 @@ def encode_unorm(form, rule, x):
 @device
 def add_unorm(form, rule, stored, source):
     """ONE, ONE."""
-    d = working(rule, stored)
     x = clamped_code(rule, source)
+    if rule.plain:
+        return minimum(stored + rint(x), rule.top)
+    d = working(rule, stored)
     x = select(rule.first, d + round_code(form, rule, x), round_code(form, rule, d + x))
     return cut(rule, minimum(x, rule.top))
 

@@ -135,6 +135,7 @@ class Rule(NamedTuple):
     first: bool  # sources are quantised before the blend
     top: float  # greatest working code
     through: bool  # stored codes are working codes cut by `narrow`
+    plain: bool  # nearest even, sources first, stored codes as they are: what most devices do, without further tests
     bits: int  # of a working code
     before: int  # a product of codes: t = a b + before, (t + (t >> bits) + after) >> bits
     after: int
@@ -184,6 +185,7 @@ def _unorm_rule(fmt: Format, device: Device, rounding: Rounding) -> Rule:
         first=device.quantise_first,
         top=float((1 << work) - 1),
         through=through,
+        plain=device.quantise_first and not through and rounding == "nearest_even",
         bits=work,
         before=before,
         after=after,
@@ -210,6 +212,7 @@ def _float_rule(fmt: Format, rounding: Rounding, channel: int) -> Rule:
         first=False,
         top=1.0,
         through=False,
+        plain=False,
         bits=0,
         before=0,
         after=0,

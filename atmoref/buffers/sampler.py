@@ -204,6 +204,28 @@ def lerp(tex, weight, a, b):
 
 
 @device
+def lerp_quad(tex, wx, wy, a, b, c, d):
+    """Return the bilinear interpolation of a footprint, along x first."""
+    if tex.mode == FUSED:
+        return fused_quad(wx, wy, a, b, c, d)
+    return exact_quad(wx, wy, a, b, c, d)
+
+
+@device
+def fused_quad(wx, wy, a, b, c, d):
+    """Return the bilinear interpolation with one rounding each."""
+    low = fma(wx, b - a, a)
+    return fma(wy, fma(wx, d - c, c) - low, low)
+
+
+@device
+def exact_quad(wx, wy, a, b, c, d):
+    """Return the bilinear interpolation with separate multiplications and additions."""
+    low = a + wx * (b - a)
+    return low + wy * (c + wx * (d - c) - low)
+
+
+@device
 def footprint(tex, u, v):
     """Return the index of the lower left texel of a bilinear footprint, and the weights of the others."""
     x, y = u * tex.width - 0.5, v * tex.height - 0.5
@@ -233,10 +255,15 @@ def _byte_value(tex: Any, x: Any) -> Any:
 
 # ---- filters
 @device
+def texel(tex, u, v):
+    """Return the index of the texel at (u, v)."""
+    return to_int(v * tex.height) * tex.row + to_int(u * tex.width) + (tex.row + 1)
+
+
+@device
 def nearest(arith, tex, channel, u, v):
     """Return the texel at (u, v)."""
-    index = to_int(v * tex.height) * tex.row + to_int(u * tex.width) + (tex.row + 1 + channel * tex.plane)
-    return lift(arith, gather(tex.data, index))
+    return lift(arith, gather(tex.data, texel(tex, u, v) + channel * tex.plane))
 
 
 @device
@@ -244,17 +271,27 @@ def quad(arith, tex, index, wx, wy):
     """Return the bilinear filter of four texels from `index`."""
     a, b = lift(arith, gather_pair(tex.data, index))
     c, d = lift(arith, gather_pair(tex.data, index + tex.row))
-    return lerp(tex, wy, lerp(tex, wx, a, b), lerp(tex, wx, c, d))
+    return lerp_quad(tex, wx, wy, a, b, c, d)
 
 
 @device
 def byte_footprint(arith, tex, index, wx, wy):
     """Return what `quad` returns of an 8-bit texture, from one gather of four codes instead of four of values."""
-    word = gather(tex.packed, index)
+    return quad_of_bytes(arith, tex, gather(tex.packed, index), wx, wy)
+
+
+@device
+def quad_of_bytes(arith, tex, word, wx, wy):
+    """Return the bilinear filter of the four codes in a word."""
+    return lerp_quad(tex, wx, wy, *codes_of_word(arith, tex, word))
+
+
+@device
+def codes_of_word(arith, tex, word):
+    """Return the values of the four codes in a word."""
     a, b = byte_value(tex, lift(arith, word & 255)), byte_value(tex, lift(arith, (word >> 8) & 255))
     c = byte_value(tex, lift(arith, (word >> 16) & 255))
-    d = byte_value(tex, lift(arith, shift_right(word, 24)))
-    return lerp(tex, wy, lerp(tex, wx, a, b), lerp(tex, wx, c, d))
+    return a, b, c, byte_value(tex, lift(arith, shift_right(word, 24)))
 
 
 @device
@@ -277,6 +314,23 @@ def bilinear(arith, tex, channel, u, v):
     if tex.quads:
         return byte_footprint(arith, tex, index + channel * tex.plane, wx, wy)
     return quad(arith, tex, index + channel * tex.plane, wx, wy)
+
+
+@device
+def bilinear_pair(arith, tex, channel, a, b):
+    """Return `bilinear` at two places (us, vs); the reads stand side by side, for each waits for all before it."""
+    if tex.quads and tex.mode != BYTES:
+        index_a, x_a, y_a = footprint(tex, a[0], a[1])
+        index_b, x_b, y_b = footprint(tex, b[0], b[1])
+        word_a, word_b = (
+            gather(tex.packed, index_a + channel * tex.plane),
+            gather(tex.packed, index_b + channel * tex.plane),
+        )
+        codes_a, codes_b = codes_of_word(arith, tex, word_a), codes_of_word(arith, tex, word_b)
+        if tex.mode == FUSED:
+            return fused_quad(x_a, y_a, *codes_a), fused_quad(x_b, y_b, *codes_b)
+        return exact_quad(x_a, y_a, *codes_a), exact_quad(x_b, y_b, *codes_b)
+    return bilinear(arith, tex, channel, a[0], a[1]), bilinear(arith, tex, channel, b[0], b[1])
 
 
 @device
@@ -323,19 +377,38 @@ def trilinear(arith, tex, channel, u, v, w):
 
 
 @device
-def shadow_compare(arith, tex, u, v, reference):
-    """Return 1 where reference <= stored depth, else 0; with PCF the bilinear filter of four such results.
+def shadow_reference(tex, reference):
+    """Return a reference as the device compares it: clamped to [0, 1] where it does so.
 
-    Channel 0 is the depth. The reference is clamped to [0, 1] where the device does so; else everything beyond the
-    light's far plane would be dark.
+    Else everything beyond the light's far plane would be dark.
     """
     if tex.clamp_reference:
-        reference = saturate(reference)
+        return saturate(reference)
+    return reference
+
+
+@device
+def shadow_compare(arith, tex, u, v, reference):
+    """Return 1 where reference <= stored depth (channel 0), else 0; with PCF the bilinear filter of four results."""
+    reference = shadow_reference(tex, reference)
     one = lift(arith, 1.0)
     if not tex.pcf:
         return select(reference <= nearest(arith, tex, 0, u, v), one, 0.0)
     index, wx, wy = footprint(tex, u, v)
     a, b = lift(arith, gather_pair(tex.data, index))
     c, d = lift(arith, gather_pair(tex.data, index + tex.row))
-    low = lerp(tex, wx, select(reference <= a, one, 0.0), select(reference <= b, one, 0.0))
-    return lerp(tex, wy, low, lerp(tex, wx, select(reference <= c, one, 0.0), select(reference <= d, one, 0.0)))
+    below_a, below_b = select(reference <= a, one, 0.0), select(reference <= b, one, 0.0)
+    return lerp_quad(tex, wx, wy, below_a, below_b, select(reference <= c, one, 0.0), select(reference <= d, one, 0.0))
+
+
+@device
+def shadow_pair(arith, tex, a, b, reference_a, reference_b):
+    """Return `shadow_compare` at two places (us, vs), the reads side by side."""
+    if tex.pcf:
+        first = shadow_compare(arith, tex, a[0], a[1], reference_a)
+        return first, shadow_compare(arith, tex, b[0], b[1], reference_b)
+    index_a, index_b = texel(tex, a[0], a[1]), texel(tex, b[0], b[1])
+    depth_a, depth_b = lift(arith, gather(tex.data, index_a)), lift(arith, gather(tex.data, index_b))
+    one = lift(arith, 1.0)
+    first = select(shadow_reference(tex, reference_a) <= depth_a, one, 0.0)
+    return first, select(shadow_reference(tex, reference_b) <= depth_b, one, 0.0)

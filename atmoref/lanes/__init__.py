@@ -30,6 +30,7 @@ from atmoref.lanes.instructions import (
     convert,
     copy_sign,
     exponent,
+    first_lane,
     fma,
     from_int,
     iota,
@@ -39,6 +40,7 @@ from atmoref.lanes.instructions import (
     shift_right,
     significand,
     spread_int,
+    sum_lanes,
     to_int,
 )
 from atmoref.lanes.memory import gather, gather_pair, load, store
@@ -64,6 +66,7 @@ __all__ = [
     "count_lanes",
     "exp",
     "exponent",
+    "first_lane",
     "floor",
     "fma",
     "from_int",
@@ -94,6 +97,7 @@ __all__ = [
     "sqrt",
     "square",
     "store",
+    "sum_lanes",
     "tan",
     "to_int",
 ]

@@ -131,6 +131,22 @@ def lane_count(typing: Any, mask: Any) -> Any:
     return (types.int64(MASK), emit) if mask == MASK else None
 
 
+@instruction
+def sum_lanes(typing: Any, x: Any) -> Any:
+    """Return the sum of an int32 lane, int32."""
+    if x != I32:
+        raise refuse("sum_lanes takes an int32 lane", x)
+    return types.int32(I32), lambda ctx, b, sig, a: call_llvm(b, f"llvm.vector.reduce.add.v{N}i32", INT32, [a[0]])
+
+
+@instruction
+def first_lane(typing: Any, x: Any) -> Any:
+    """Return the int32 of the first lane, uniform over the wave."""
+    if x != I32:
+        raise refuse("first_lane takes an int32 lane", x)
+    return types.int32(I32), lambda ctx, b, sig, a: b.extract_element(a[0], INT32(0))
+
+
 # ---- conversions
 @instruction
 def to_int(typing: Any, x: Any) -> Any:

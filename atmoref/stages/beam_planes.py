@@ -9,15 +9,15 @@ one call and one call per draw agree to the last bit.
 
 from typing import Any, NamedTuple
 
-from numba import float64, int32
+from numba import float64, int32, int64
 
 from atmoref._jit import device, kernel
 from atmoref.buffers.blend import value
-from atmoref.lanes import N, any_lane, convert, count_lanes, lift, load, select, spread_int, store
+from atmoref.lanes import N, any_lane, convert, lift, load, select, spread_int, store, sum_lanes
 from atmoref.stages.camera import Camera, camera_ray
 from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
 from atmoref.stages.spot_light import Spot, Switches, light_ray, pyramid_span
-from atmoref.stages.sub_plane import draw_sub_plane
+from atmoref.stages.sub_plane import add_sub_plane, light_one, light_pair
 from atmoref.stages.target import Colour, add_colour, channel_rule, read_colour, write_colour
 
 # columns of the counters, one row of them per image row
@@ -66,7 +66,7 @@ class Count(NamedTuple):
 
     sub: int
     sub_lit: int
-    samples: int
+    samples: Any  # lanes
     main: int
     main_lit: int
 
@@ -89,6 +89,18 @@ def reached(arith, draws, first, last, pixel):
 
 
 @device
+def probe_sub_plane(arith, probe, draws, s, k, lit, h):
+    """Write one sub-plane's block of the probe."""
+    probe_values(probe, s + k, lift(arith, draws.z[s]), lit.u, lit.v, lit.w, lit.mask, Colour(lit.r, lit.g, lit.b), h)
+
+
+@device
+def tally(samples, waves, mask):
+    """Return samples and waves, one more each where the mask is set."""
+    return samples + select(mask, spread_int(int32(1)), spread_int(int32(0))), waves + int(any_lane(mask))
+
+
+@device
 def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, k, s0, s1, h, probe, trace, count):
     """Blend sub-planes [s0, s1) of slab k into h."""
     sub_lit, samples = count.sub_lit, count.samples
@@ -97,16 +109,24 @@ def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, 
     skip = switches.skip != 0 and trace == 0
     if skip and (s0 >= s1 or not any_lane(reached(arith, draws, s0, s1 - 1, pixel))):
         return h, done
-    for s in range(s0, s1):
-        if skip and not any_lane(reached(arith, draws, s, s, pixel)):
+    for s in range(s0, s1 - 1, 2):
+        if skip and not any_lane(reached(arith, draws, s, s + 1, pixel)):
             continue
-        h, mask, lit = draw_sub_plane(arith, form, rules, switches, spot, maps, solids, draws, s, pixel, air, h)
-        if any_lane(mask):
-            sub_lit += 1
-            samples += count_lanes(mask)
+        first, second = light_pair(arith, switches, spot, maps, solids, draws, s, s + 1, pixel, air)
+        h = add_sub_plane(arith, form, rules, switches, draws, s, first, h)
+        samples, sub_lit = tally(samples, sub_lit, first.mask)
         if trace != 0:
-            z = lift(arith, draws.z[s])
-            probe_values(probe, s + k, z, lit.u, lit.v, lit.w, mask, Colour(lit.r, lit.g, lit.b), h)
+            probe_sub_plane(arith, probe, draws, s, k, first, h)
+        h = add_sub_plane(arith, form, rules, switches, draws, s + 1, second, h)
+        samples, sub_lit = tally(samples, sub_lit, second.mask)
+        if trace != 0:
+            probe_sub_plane(arith, probe, draws, s + 1, k, second, h)
+    if (s1 - s0) % 2 == 1 and not (skip and not any_lane(reached(arith, draws, s1 - 1, s1 - 1, pixel))):
+        lit = light_one(arith, switches, spot, maps, solids, draws, s1 - 1, pixel, air)
+        h = add_sub_plane(arith, form, rules, switches, draws, s1 - 1, lit, h)
+        samples, sub_lit = tally(samples, sub_lit, lit.mask)
+        if trace != 0:
+            probe_sub_plane(arith, probe, draws, s1 - 1, k, lit, h)
     return h, Count(done.sub, sub_lit, samples, done.main, done.main_lit)
 
 
@@ -132,7 +152,9 @@ def draw_main_plane(
 ):
     """Blend ONE, ONE main plane k, f_h c_k q, into the frame's registers."""
     frame_rules, fast_rules = rules
-    mask = (h.r > 0.0) | (h.g > 0.0) | (h.b > 0.0)
+    mask = h.r > 0.0
+    if switches.grey_light == 0:
+        mask = mask | (h.g > 0.0) | (h.b > 0.0)
     mask = mask & (lift(arith, draws.main_depth[k]) < pixel.surface)
     if switches.skip != 0 and trace == 0 and not any_lane(mask):
         return stored, Count(count.sub, count.sub_lit, count.samples, count.main + 1, count.main_lit)
@@ -140,10 +162,18 @@ def draw_main_plane(
     r, g, b = slow_factor(
         arith, slab, slab_switches, q, mesh, quadrature, pixel.ray, pixel.place, z, k, draws.main_z.size
     )
-    r = select(mask, r * value(form, fast_rules[0], h.r), 0.0)
-    g = select(mask, g * value(form, channel_rule(form, fast_rules, 1), h.g), 0.0)
-    b = select(mask, b * value(form, channel_rule(form, fast_rules, 2), h.b), 0.0)
-    stored = add_colour(form, frame_rules, stored, r, g, b)
+    fast = value(form, fast_rules[0], h.r)
+    r = select(mask, r * fast, 0.0)
+    if switches.grey_light != 0 and slab_switches.grey != 0:  # the same in all channels, up to the frame itself
+        g, b = r, r
+        stored = add_colour(form, frame_rules, stored, r, r, r)
+    else:
+        fast_g, fast_b = fast, fast
+        if switches.grey_light == 0:
+            fast_g = value(form, channel_rule(form, fast_rules, 1), h.g)
+            fast_b = value(form, channel_rule(form, fast_rules, 2), h.b)
+        g, b = select(mask, g * fast_g, 0.0), select(mask, b * fast_b, 0.0)
+        stored = add_colour(form, frame_rules, stored, r, g, b)
     if trace != 0:
         ray, place = pixel.ray, pixel.place
         u = place.along + ray.length * z
@@ -165,7 +195,7 @@ def beam_planes(
     size = window.height * window.pitch
     zero = lift(arith, 0.0)
     for row in range(window.row0, window.row1):
-        count = Count(0, 0, 0, 0, 0)
+        count = Count(0, 0, spread_int(int32(0)), 0, 0)
         for column in range(window.column0, window.column1, N):
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
@@ -173,7 +203,7 @@ def beam_planes(
             pixel = Pixel(
                 ray,
                 light,
-                place(arith, slab, slab_switches, ray, column, row),
+                place(arith, slab, slab_switches, mesh, ray, column, row),
                 pyramid_span(spot, light),
                 lift(arith, load(depth, p)),
             )
@@ -198,5 +228,6 @@ def beam_planes(
                         stored, probe, window.trace, count,
                     )  # fmt: skip
             write_colour(frame, p, size, stored)
-        for i in range(len(count)):
-            counters[row, i] += count[i]
+        totals = (count.sub, count.sub_lit, int64(sum_lanes(count.samples)), count.main, count.main_lit)
+        for i in range(len(totals)):
+            counters[row, i] += totals[i]

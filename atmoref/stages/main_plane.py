@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from atmoref._jit import device
 from atmoref.buffers.sampler import Texture, bilinear
 from atmoref.lanes import (
+    any_lane,
     exp,
+    first_lane,
     floor,
     gather,
     lift,
@@ -87,7 +89,7 @@ class QMaps(NamedTuple):
 
 
 class Mesh(NamedTuple):
-    """Vertex attributes, flat: [plane, vertex] of u, v, and [channel, plane, vertex] of c_k; dummies without a mesh."""
+    """Vertex attributes, flat: u [plane, vertex], v [vertex], c_k [channel, plane, vertex]; dummies without a mesh."""
 
     u: NDArray[Any]
     v: NDArray[Any]
@@ -95,13 +97,21 @@ class Mesh(NamedTuple):
 
 
 class Corner(NamedTuple):
-    """Lanes: the triangle a pixel lies in, as vertex indices and barycentric weights."""
+    """Lanes: the triangle a pixel lies in, as vertex indices and barycentric weights.
+
+    Where a wave lies in one or two cells of a mesh row (`narrow`), six vertices from `start` on serve all its lanes.
+    """
 
     a: Any
     b: Any
     c: Any
     wb: Any
     wc: Any
+    lower: Any  # mask: in the lower left triangle of its cell
+    second: Any  # mask: in the second of two cells
+    narrow: bool
+    start: int
+    row: int  # vertices in a row
 
 
 class Place(NamedTuple):
@@ -120,7 +130,11 @@ def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
     i = minimum(floor(x), mesh_x - 1.0)
     j = minimum(floor(y), mesh_y - 1.0)
     x, y = x - i, y - j
-    first = to_int(j) * int32(mesh_x + 1) + to_int(i)
+    row_start, cell = to_int(j) * int32(mesh_x + 1), to_int(i)
+    first = row_start + cell
+    left = min(first_lane(cell), int32(mesh_x - 2))
+    second = cell > spread_int(left)
+    narrow = mesh_x > 1 and not any_lane(cell > spread_int(int32(left + 1)))
     lower = x + y <= 1.0
     right, above = first + int32(1), first + int32(mesh_x + 1)
     a = select(lower, first, above + int32(1))
@@ -130,27 +144,55 @@ def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
         select(lower, above, right),
         select(lower, x, 1.0 - x),
         select(lower, y, 1.0 - y),
+        lower,
+        second,
+        narrow,
+        first_lane(row_start) + left,
+        mesh_x + 1,
     )
 
 
 @device
 def interpolate(arith, attribute, base, corner):
     """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
-    a = lift(arith, gather(attribute, corner.a + int32(base)))
-    b = lift(arith, gather(attribute, corner.b + int32(base)))
-    c = lift(arith, gather(attribute, corner.c + int32(base)))
+    a, b, c = corner_values(arith, attribute, base, corner)
     return a + corner.wb * (b - a) + corner.wc * (c - a)
 
 
 @device
-def place(arith, slab, switches, ray, column, row):
-    """Return what a pixel's ray has in common for all planes."""
+def corner_values(arith, attribute, base, corner):
+    """Return an attribute at the corners of each lane's triangle; one gather takes as long as all of the selects."""
+    if not corner.narrow:
+        a = lift(arith, gather(attribute, corner.a + int32(base)))
+        b = lift(arith, gather(attribute, corner.b + int32(base)))
+        return a, b, lift(arith, gather(attribute, corner.c + int32(base)))
+    at = base + corner.start
+    below, above = (
+        vertex_row(arith, attribute, at, corner.second),
+        vertex_row(arith, attribute, at + corner.row, corner.second),
+    )
+    a = select(corner.lower, below[0], above[1])
+    return a, select(corner.lower, below[1], above[0]), select(corner.lower, above[0], below[1])
+
+
+@device
+def vertex_row(arith, attribute, at, second):
+    """Return the left and right vertex of each lane's cell, of the first or the second of two cells from `at` on."""
+    middle = lift(arith, attribute[at + 1])
+    return select(second, middle, lift(arith, attribute[at])), select(second, lift(arith, attribute[at + 2]), middle)
+
+
+@device
+def place(arith, slab, switches, mesh, ray, column, row):
+    """Return what a pixel's ray has in common for all planes; v comes from the mesh where the coordinates do."""
     cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx
     cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
     v = sqrt(cx * cx + cy * cy + cz * cz) / ray.length
     along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.length
     corner = mesh_corner(arith, slab, switches.mesh_x, switches.mesh_y, column, row)
+    if switches.vertex != 0:
+        v = interpolate(arith, mesh.v, 0, corner)
     return Place(v, along, corner)
 
 
@@ -180,8 +222,7 @@ def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane
         dt = dt * ray.length
     vertices = (switches.mesh_x + 1) * (switches.mesh_y + 1)
     if switches.vertex != 0:
-        u = interpolate(arith, mesh.u, plane * vertices, where.corner)
-        v = interpolate(arith, mesh.v, plane * vertices, where.corner)
+        u, v = interpolate(arith, mesh.u, plane * vertices, where.corner), where.v
         c_r = interpolate(arith, mesh.c, plane * vertices, where.corner)
         c_g, c_b = c_r, c_r
         if switches.grey == 0:

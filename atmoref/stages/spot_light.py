@@ -11,8 +11,8 @@ method's own analysis.
 from typing import Any, NamedTuple
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import Texture, bilinear, bilinear3, shadow_compare
-from atmoref.lanes import absolute, any_lane, atan2, maximum, minimum, select, sqrt
+from atmoref.buffers.sampler import Texture, bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
+from atmoref.lanes import absolute, any_lane, atan2, lift, maximum, minimum, saturate, select, sqrt
 from atmoref.stages.ray_cast import occluded
 
 SLACK = 1e-5  # some 80 roundings in float32
@@ -144,14 +144,100 @@ def _falloff(switches, spot, u, v, w, distance):
     return spot.peak * (part * part * (3.0 - part * 2.0))
 
 
+class Point(NamedTuple):
+    """Lanes of points of view rays in the light's projection: mask, clamped coordinates, coordinates, w and 1 / w."""
+
+    mask: Any  # in front of the light and on its texture square
+    us: Any
+    vs: Any
+    u: Any
+    v: Any
+    w: Any
+    inverse: Any
+
+
 @device
-def _visible(arith, switches, spot, maps, solids, ray, z, own, u, v, iw):
+def project_point(arith, spot, light, z):
+    """Return the points eye + z d in the light's projection."""
+    w = light.w * z + spot.w_0
+    inverse = lift(arith, 1.0) / maximum(w, spot.least_w)
+    u = (light.u * z + spot.u_0) * inverse
+    v = (light.v * z + spot.v_0) * inverse
+    us, vs = saturate(u), saturate(v)
+    return Point((w >= spot.least_w) & (us == u) & (vs == v), us, vs, u, v, w, inverse)
+
+
+@device
+def depth_reference(spot, point):
+    """Return the window depth that the shadow map is compared with."""
+    return spot.depth_a - (spot.depth_b + spot.bias * point.inverse) * point.inverse
+
+
+@device
+def visibility(arith, switches, spot, maps, solids, ray, z, own, point):
     """Return H: 0 or 1, or a fraction from percentage-closer filtering."""
     if switches.exact_visibility != 0:
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
-        return select(occluded(arith, solids, dx, dy, dz, own), iw * 0.0, 1.0)
-    reference = spot.depth_a - (spot.depth_b + spot.bias * iw) * iw
-    return shadow_compare(arith, maps.shadow, u, v, reference)
+        return select(occluded(arith, solids, dx, dy, dz, own), point.w * 0.0, 1.0)
+    return shadow_compare(arith, maps.shadow, point.us, point.vs, depth_reference(spot, point))
+
+
+@device
+def distribution(arith, switches, spot, maps, ray, z, point):
+    """Return I_l per channel, from the light map or in closed form."""
+    if switches.exact_distribution != 0:
+        dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
+        distance = sqrt(dx * dx + dy * dy + dz * dz)
+        r = _falloff(switches, spot, point.us, point.vs, point.w, distance)
+        return r, r, r
+    if switches.grey_light != 0:
+        r = bilinear(arith, maps.light, 0, point.us, point.vs)
+        return r, r, r
+    return bilinear3(arith, maps.light, point.us, point.vs)
+
+
+@device
+def visibility_pair(arith, switches, spot, maps, solids, ray, z_a, z_b, own, a, b):
+    """Return `visibility` of two points."""
+    if switches.exact_visibility != 0:
+        first = visibility(arith, switches, spot, maps, solids, ray, z_a, own, a)
+        return first, visibility(arith, switches, spot, maps, solids, ray, z_b, own, b)
+    reference_a, reference_b = depth_reference(spot, a), depth_reference(spot, b)
+    return shadow_pair(arith, maps.shadow, (a.us, a.vs), (b.us, b.vs), reference_a, reference_b)
+
+
+@device
+def distribution_pair(arith, switches, spot, maps, ray, z_a, z_b, a, b):
+    """Return `distribution` at two points."""
+    if switches.exact_distribution == 0 and switches.grey_light != 0:
+        first, second = bilinear_pair(arith, maps.light, 0, (a.us, a.vs), (b.us, b.vs))
+        return (first, first, first), (second, second, second)
+    first = distribution(arith, switches, spot, maps, ray, z_a, a)
+    return first, distribution(arith, switches, spot, maps, ray, z_b, b)
+
+
+@device
+def received(switches, mask, point, colour, visible):
+    """Return what points receive, I_l H within the mask."""
+    zero = point.w * 0.0
+    r = select(mask, colour[0] * visible, zero)
+    g, b = r, r
+    if switches.grey_light == 0:
+        g, b = select(mask, colour[1] * visible, zero), select(mask, colour[2] * visible, zero)
+    return Lit(mask, r, g, b, point.u, point.v, point.w)
+
+
+@device
+def shine(arith, switches, spot, maps, solids, ray, z, own, point, mask):
+    """Return I_l H at eye + z d, of which `point` is the projection, within the mask."""
+    zero = point.w * 0.0
+    if switches.skip != 0 and not any_lane(mask):
+        return Lit(mask, zero, zero, zero, point.u, point.v, point.w)
+    visible = visibility(arith, switches, spot, maps, solids, ray, z, own, point)
+    mask = mask & (visible > 0.0)
+    if switches.skip != 0 and not any_lane(mask):
+        return Lit(mask, zero, zero, zero, point.u, point.v, point.w)
+    return received(switches, mask, point, distribution(arith, switches, spot, maps, ray, z, point), visible)
 
 
 @device
@@ -160,27 +246,5 @@ def illuminate(arith, switches, spot, maps, solids, ray, light, z, own):
 
     `own` is the object that a surface point belongs to (it cannot shadow itself), -1 in the air.
     """
-    zero = light.w * 0.0
-    w = light.w * z + spot.w_0
-    iw = (zero + 1.0) / maximum(w, spot.least_w)
-    u = (light.u * z + spot.u_0) * iw
-    v = (light.v * z + spot.v_0) * iw
-    mask = (w >= spot.least_w) & (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
-    if switches.skip != 0 and not any_lane(mask):
-        return Lit(mask, zero, zero, zero, u, v, w)
-    us, vs = minimum(maximum(u, 0.0), 1.0), minimum(maximum(v, 0.0), 1.0)
-    visible = _visible(arith, switches, spot, maps, solids, ray, z, own, us, vs, iw)
-    mask = mask & (visible > 0.0)
-    if switches.skip != 0 and not any_lane(mask):
-        return Lit(mask, zero, zero, zero, u, v, w)
-    if switches.exact_distribution != 0:
-        dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
-        distance = sqrt(dx * dx + dy * dy + dz * dz)
-        r = select(mask, _falloff(switches, spot, us, vs, w, distance) * visible, zero)
-        return Lit(mask, r, r, r, u, v, w)
-    if switches.grey_light != 0:
-        r = select(mask, bilinear(arith, maps.light, 0, us, vs) * visible, zero)
-        return Lit(mask, r, r, r, u, v, w)
-    r, g, b = bilinear3(arith, maps.light, us, vs)
-    r, g, b = r * visible, g * visible, b * visible
-    return Lit(mask, select(mask, r, zero), select(mask, g, zero), select(mask, b, zero), u, v, w)
+    point = project_point(arith, spot, light, z)
+    return shine(arith, switches, spot, maps, solids, ray, z, own, point, point.mask)

@@ -116,7 +116,7 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     factor = span if params.dt_mode == "cosine" else np.ones_like(span)
     sigmas = scene.medium.extinction_per_m[: 1 if spot.switches.grey_fog else 3]
     c = np.stack([exp(-sigma * (span * z)) * factor for sigma in sigmas])
-    attributes = (u.ravel(), np.tile(v, len(plan.main_z)), encoded(stage.setting, "vertex_colour", c).ravel())
+    attributes = (u.ravel(), v, encoded(stage.setting, "vertex_colour", c).ravel())
     return Mesh(*(array.astype(stage.setting.dtype) for array in attributes))
 
 

@@ -31,7 +31,6 @@ def test_bench_ratio_to_scalar_code(benchmark: BenchmarkFixture, timing: tuple[s
     assert t.gain >= gain, t
 
 
-@pytest.mark.xfail(strict=True, reason="issue 2: measured 2.1; the lanes shade what the scalar code rejects")
 def test_bench_ratio_without_skips(benchmark: BenchmarkFixture, timing: tuple[str, Timing]) -> None:
     name, t = timing
     if name != "fig4c":

@@ -19,6 +19,7 @@ from atmoref.lanes import (
     any_lane,
     count_lanes,
     exp,
+    first_lane,
     gather,
     iota,
     lift,
@@ -31,6 +32,7 @@ from atmoref.lanes import (
     sqrt,
     square,
     store,
+    sum_lanes,
 )
 
 ELEMENTS = [np.uint8, np.uint16, np.uint32, np.int32, np.float32, np.float64]
@@ -105,6 +107,22 @@ def test_masks_are_counted() -> None:
         out = np.empty((33, 3), np.int64)
         census(x.ravel(), limit, out)
         np.testing.assert_array_equal(out, expected)
+
+
+# ---- integers of a wave
+@kernel
+def whole_waves(x, out):
+    """Write per register: the first lane, the sum."""
+    for r in range(x.size // N):
+        lane = load(x, r * N)
+        out[r, 0], out[r, 1] = first_lane(lane), sum_lanes(lane)
+
+
+def test_first_lane_and_sum() -> None:
+    x = np.random.default_rng(5).integers(-(2**26), 2**26, (40, N), np.int32)
+    out = np.empty((40, 2), np.int64)
+    whole_waves(x.ravel(), out)
+    np.testing.assert_array_equal(out, np.stack([x[:, 0], x.sum(1, dtype=np.int64)], 1))
 
 
 # ---- types

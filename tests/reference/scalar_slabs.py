@@ -153,7 +153,7 @@ def slab_loop(real: Any) -> Any:
                     u_k, v_k = along + t, v
                     if choices.vertex != 0:
                         u_k = attribute(mesh.u, k * vertices, corner)
-                        v_k = attribute(mesh.v, k * vertices, corner)
+                        v_k = attribute(mesh.v, 0, corner)
                     f_r = slow(
                         0, slab.sigma_r, slab.source_r, slab, choices, q, mesh, nodes, weights, span, corner, u_k, v_k,
                         t, k, planes,

@@ -36,9 +36,10 @@ def _counts() -> dict[str, int]:
 
 
 def test_formats_of_a_class_devices_presets_and_options_share_a_variant() -> None:
-    """unorm8 first; whatever else 16 bits hold, by whatever rule, needs nothing new."""
+    """unorm8 first; whatever else 16 bits hold, by whatever rule, needs nothing new (analysis mixes classes)."""
     for technique in ("beams", "beams_vertex"):
         _render(technique, "unorm8", "float32")
+        _render(technique, "unorm8", "float32", "technique.preset=analysis")
     before = _counts()
     for technique in ("beams", "beams_vertex"):
         for preset in ("paper", "corrected", "analysis"):

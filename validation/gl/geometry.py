@@ -44,7 +44,8 @@ def mesh_attributes(given: Mapping[str, Any]) -> tuple[NDArray[np.float32], NDAr
     colours = np.moveaxis(np.broadcast_to(colours, (3, *colours.shape[1:])), 0, -1)
     if mesh is None:
         return np.zeros((*colours.shape[:2], 2), np.float32), np.ascontiguousarray(colours)
-    uv = np.stack([np.asarray(a).reshape(-1, vertices) for a in (mesh.u, mesh.v)], -1).astype(np.float32)
+    u = np.asarray(mesh.u).reshape(-1, vertices)
+    uv = np.stack([u, np.broadcast_to(mesh.v, u.shape)], -1).astype(np.float32)
     return uv, np.ascontiguousarray(colours)
 
 
