@@ -62,7 +62,7 @@ def image_stage(stage: Stage, index: int, columns: int, key: str) -> Stage:
         frame=setting.target(stage.bank, "frame", f"{key}/frame", width, height),
         depth=setting.depth_target(stage.bank, "depth", f"{key}/depth", width, height),
     )
-    return Stage(setting, stage.params, own, shift, stage.spots)
+    return Stage(setting, stage.params, own, shift, stage.spots, stage.triangles())
 
 
 def renamed(p: Pass, key: str) -> Pass:
