@@ -3,9 +3,9 @@
 """Triangles into a picture of depth and index, by homogeneous edge functions, without clipping.
 
 With corners a, b, c in the axes of the view and a pixel's ray d = (x, y, 1), the functions (a x b).d, (b x c).d and
-(c x a).d have the sign of a.(b x c) inside the triangle and in front of the eye, whatever its corners do: one behind the
-eye needs no clipping.  With n across the plane, 1 / z = n.d / n.a.  A parallel view has corners (x, y, 1), the same
-functions, and a depth that is linear in x and y.
+(c x a).d have the sign of a.(b x c) inside the triangle and in front of the eye, wherever its corners are: one behind
+the eye needs no clipping.  With n across the plane, 1 / z = n.d / n.a.  A parallel view has corners (x, y, 1), the
+same functions, and a depth that is linear in x and y.
 
 The set-up computes in float64 and scales every function to |A| x_most + |B| y_most + |C| = 1.  Two triangles share an
 edge's function with the sign turned, since its corners are taken in the order of their indices.  C is then raised by
@@ -25,8 +25,20 @@ from numpy.typing import NDArray
 
 from atmoref._jit import device, kernel
 from atmoref.lanes import (
-    N, any_lane, gather, iota, lift, load, maximum, minimum, pixels, select, spread_int, store, to_int,
-)  # fmt: skip
+    N,
+    any_lane,
+    gather,
+    iota,
+    lift,
+    load,
+    maximum,
+    minimum,
+    pixels,
+    select,
+    spread_int,
+    store,
+    to_int,
+)
 from atmoref.stages.ray_cast import FAR, Hit, nearest_hit
 
 GROUP = 64  # triangles that are left out together where their rows are not drawn
@@ -68,7 +80,7 @@ class Records(NamedTuple):
     boxes: NDArray[np.int32]  # (triangles, 4): first row, row after the last, the same of columns
     indices: NDArray[np.int32]  # (triangles,)
     rows: NDArray[np.int32]  # (groups, 2): first row, row after the last
-    count: NDArray[np.int64]  # (1,): how many of them are there
+    number: NDArray[np.int64]  # (1,): how many of them are there
 
 
 class Surfaces(NamedTuple):
@@ -213,7 +225,7 @@ def set_up_triangles(records, vertices, faces, axes, grid, width, height, slack)
         rows[group, 0] = row0 if count % GROUP == 0 else min(rows[group, 0], row0)
         rows[group, 1] = row1 if count % GROUP == 0 else max(rows[group, 1], row1)
         count += 1
-    records.count[0] = count
+    records.number[0] = count
 
 
 @kernel
@@ -293,7 +305,7 @@ def rasterise(drawn, arith, grid, records, window):
 
     `drawn` holds two planes of `window.height` rows.  Replaces what was there.
     """
-    view, count = lift(arith, grid), records.count[0]
+    view, count = lift(arith, grid), records.number[0]
     _clear(arith, drawn, window)
     for group in range((count + GROUP - 1) // GROUP):
         if records.rows[group, 0] < window.row1 and records.rows[group, 1] > window.row0:

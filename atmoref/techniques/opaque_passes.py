@@ -27,7 +27,14 @@ from atmoref.techniques.spotlights import (
     surface_uniforms,
     switches,
 )
-from atmoref.techniques.triangle_passes import TriangleSet, camera_view, greatest, no_surfaces, shadow_view, triangle_pass
+from atmoref.techniques.triangle_passes import (
+    TriangleSet,
+    camera_view,
+    greatest,
+    no_surfaces,
+    shadow_view,
+    triangle_pass,
+)
 
 if TYPE_CHECKING:
     from atmoref.scene import Spot as SceneSpot
