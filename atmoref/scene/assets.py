@@ -30,7 +30,7 @@ def resolve(folder: Path, file: str, key: str, origin: str) -> Path:
     SceneError
         For a path that leaves the folder, also through a link, or a file that is not there or no regular file.
     """
-    shown = found(file)
+    shown = found(file if file.isprintable() else ascii(file)[1:-1])
     try:
         path = (folder / file).resolve()
         outside = Path(file).is_absolute() or ".." in Path(file).parts or not path.is_relative_to(folder.resolve())
@@ -42,7 +42,8 @@ def resolve(folder: Path, file: str, key: str, origin: str) -> Path:
             state = "is a directory" if path.is_dir() else "is no regular file" if path.exists() else "no such file"
             raise SceneError(f"{origin}: {key}: found {shown}; {state} in {folder}; allowed: a file there")
     except (OSError, RuntimeError) as error:  # names that are too long, links in a circle
-        raise SceneError(f"{origin}: {key}: found {shown}; no file can have that name: {error}") from None
+        reason = getattr(error, "strerror", None) or "a link in a circle"
+        raise SceneError(f"{origin}: {key}: found {shown}; not a file name: {reason}") from None
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
