@@ -228,6 +228,33 @@ def set_up_triangles(records, vertices, faces, axes, grid, width, height, slack)
     records.number[0] = count
 
 
+@device
+def _from(vertices, i, origin):
+    """Return a corner relative to a point, as `_plane` takes it."""
+    x, y, z = vertices[i, 0] - origin[0], vertices[i, 1] - origin[1], vertices[i, 2] - origin[2]
+    return x, y, z, z
+
+
+@kernel
+def set_up_occluders(records, vertices, faces, order, origin, slack):
+    """Write triangles, in a given order, as a point sees them: (triangles, OCCLUDER) float64.
+
+    Three edge functions of a direction d, scaled to at most 1 where all |d| are, and positive inside; n / n.a; SLACK
+    roundings of the arithmetic.  A triangle that is seen edge-on shades nothing.
+    """
+    for at in range(order.shape[0]):
+        i, j, k = faces[order[at], 0], faces[order[at], 1], faces[order[at], 2]
+        a, b, c = _from(vertices, i, origin), _from(vertices, j, origin), _from(vertices, k, origin)
+        vx, vy, vz, sign = _plane(a, b, c, False)
+        if not (abs(vx) < EDGE_ON and abs(vy) < EDGE_ON and abs(vz) < EDGE_ON and sign != 0.0):
+            vx, vy, vz = 0.0, 0.0, 0.0
+        sign = 1.0 if sign > 0.0 else -1.0
+        _put_edge(records, at, 0, _edge(a, b, i < j), sign, 1.0, 1.0, 0.0)
+        _put_edge(records, at, 3, _edge(b, c, j < k), sign, 1.0, 1.0, 0.0)
+        _put_edge(records, at, 6, _edge(c, a, k < i), sign, 1.0, 1.0, 0.0)
+        records[at, 9], records[at, 10], records[at, 11], records[at, 12] = vx, vy, vz, slack
+
+
 @kernel
 def face_normals(normals, vertices, faces):
     """Write the unit normals of triangles, (3 F,), towards the side from which the corners run counter-clockwise.

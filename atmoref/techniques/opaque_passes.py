@@ -28,12 +28,14 @@ from atmoref.techniques.spotlights import (
     switches,
 )
 from atmoref.techniques.triangle_passes import (
+    OCCLUDER_BYTES,
     TriangleSet,
     camera_view,
     greatest,
     no_surfaces,
     shadow_view,
     triangle_pass,
+    with_occluders,
 )
 
 if TYPE_CHECKING:
@@ -110,10 +112,15 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     sources = source(scene, light, params)
     grey_fog = all_equal(sources, scene.medium.extinction_per_m)
     target = "f_h" if "f_h" in stage.setting.formats else "frame"
+    objects = solids(scene, frame.position)
+    if params.visibility == "exact" and stage.triangles().count:
+        needed = stage.triangles().count * OCCLUDER_BYTES
+        stage.setting.require(stage.bank, needed, f"exact visibility of {stage.triangles().count} triangles")
+        objects = with_occluders(objects, stage.triangles(), frame.position, stage.setting.dtype)
     same_rules = all(len(set(stage.setting.rules(name))) == 1 for name in (target, "light_map"))
     return Spotlight(
         index, light, frame, sources, frame.uniforms(scene, params, far_m),
-        switches(frame, params, same_rules, grey_fog), solids(scene, light.position_m),
+        switches(frame, params, same_rules, grey_fog), objects,
     )  # fmt: skip
 
 

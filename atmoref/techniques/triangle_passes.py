@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from atmoref.buffers.blend import Mixed
 from atmoref.buffers.formats import FORMATS
 from atmoref.buffers.layout import allocate, needed_bytes
+from atmoref.numerics.hierarchy import Hierarchy, hierarchy
 from atmoref.numerics.vectors import Vec3, cross, dot, scaled
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene
 from atmoref.stages.beam_planes import Window
 from atmoref.stages.camera import Camera
+from atmoref.stages.ray_cast import OCCLUDER, Solids
 from atmoref.stages.shadow_map import ShadowUniforms
 from atmoref.stages.triangles import (
     GROUP,
@@ -31,12 +33,14 @@ from atmoref.stages.triangles import (
     Surfaces,
     face_normals,
     rasterise,
+    set_up_occluders,
     set_up_triangles,
 )
 
 if TYPE_CHECKING:
     from atmoref.techniques.setting import Setting
 
+OCCLUDER_BYTES = 8 * (OCCLUDER + 2 * 9) + 40  # per triangle: record, boxes while the tree is made, nodes
 Projection = Literal["perspective", "parallel"]
 
 
@@ -77,6 +81,11 @@ class TriangleSet:
         normals = np.empty(3 * len(corners), dtype)
         face_normals(normals, points, corners)
         return TriangleSet(points, corners, np.concatenate(objects), normals)
+
+    def tree(self) -> Hierarchy:
+        """Return the tree of the triangles' boxes."""
+        corners = self.vertices[self.faces]
+        return hierarchy(corners.min(1), corners.max(1))
 
     @property
     def count(self) -> int:
@@ -126,9 +135,32 @@ def records(
         np.empty((count, RECORD), dtype), np.empty((count, 4), np.int32), np.empty(count, np.int32),
         np.empty((count // GROUP + 1, 2), np.int32), np.zeros(1, np.int64),
     )  # fmt: skip
-    slack = SLACK * float(np.finfo(dtype).eps) / 2.0
-    set_up_triangles(made, triangles.vertices, triangles.faces, view, grid, width, height, slack)
+    set_up_triangles(made, triangles.vertices, triangles.faces, view, grid, width, height, slack(dtype))
     return made
+
+
+def slack(dtype: type[np.floating[Any]]) -> float:
+    """Return SLACK roundings of an arithmetic."""
+    return SLACK * float(np.finfo(dtype).eps) / 2.0
+
+
+def with_occluders(solids: Solids, triangles: TriangleSet, origin: Vec3, dtype: type[np.floating[Any]]) -> Solids:
+    """Return solids that hold a tree of the triangles as well, for exact visibility from their origin.
+
+    Boxes are wider than their triangles by some roundings of float32: no lane can miss the box of what it hits.
+    """
+    tree = triangles.tree()
+    start = np.array(origin)
+    near = tree.boxes - np.concatenate([start, start])
+    pad = 1e-6 * np.abs(near).reshape(-1, 2, 3).max(1) + 1e-30
+    made = np.empty((triangles.count, OCCLUDER))
+    set_up_occluders(made, triangles.vertices, triangles.faces, tree.order, origin, slack(dtype))
+    return solids._replace(
+        nodes=np.hstack([near[:, :3] - pad, near[:, 3:] + pad]),
+        links=np.stack([tree.skips, tree.first, tree.number], -1),
+        triangles=made,
+        triangle_ids=triangles.objects[tree.order],
+    )
 
 
 def no_surfaces(setting: Setting) -> Surfaces:

@@ -88,6 +88,12 @@ def test_triangles(tmp_path: Path, technique: str, buffers: dict[str, str]) -> N
     assert {stage: wrong for stage, (total, wrong, _) in found.items() if wrong} == {}, found
 
 
+@pytest.mark.parametrize("buffers", [{}, FLOAT64], ids=["unorm8", "float64"])
+def test_triangles_with_exact_visibility(tmp_path: Path, buffers: dict[str, str]) -> None:
+    keys = {"preset": "analysis" if buffers is FLOAT64 else "corrected", "visibility": "exact"}
+    assert_equal(with_triangles(tmp_path, buffers=buffers, technique=keys))
+
+
 @given(scene=scenes(UNORM))
 @settings(max_examples=60)
 def test_random_scenes_in_unorm_formats(scene: Any) -> None:
