@@ -30,7 +30,7 @@ def verdict_of(error: BaseException) -> tuple[int, str]:
         return NOT_POSSIBLE, str(error) if own else f"out of memory: {error}".removesuffix(": ")
     if isinstance(error, OSError):
         return NOT_POSSIBLE, _told(error)
-    if isinstance(error, _broken_files()):
+    if isinstance(error, _broken_machine()):
         return NOT_POSSIBLE, str(error)
     return NOT_POSSIBLE, (
         f"{type(error).__name__}: {error} "
@@ -46,10 +46,11 @@ def _wrong_requests() -> tuple[type[BaseException], ...]:
     return RequestError, SceneError, ImageError, CompareError
 
 
-def _broken_files() -> tuple[type[BaseException], ...]:
+def _broken_machine() -> tuple[type[BaseException], ...]:
+    from atmoref.scene.mesh_files import MissingExtra
     from atmoref.store import StoreError
 
-    return (StoreError,)
+    return StoreError, MissingExtra
 
 
 def _told(error: OSError) -> str:

@@ -11,9 +11,10 @@ from atmoref.buffers.blend import encode, write
 from atmoref.lanes import N, exp, gather, lift, maximum, minimum, select, spread_int, sqrt
 from atmoref.optics.lane_phase import lane_phase
 from atmoref.stages.camera import Camera, camera_ray
-from atmoref.stages.ray_cast import FAR, nearest_hit
+from atmoref.stages.ray_cast import FAR
 from atmoref.stages.spot_light import Spot, Switches, illuminate, light_ray
 from atmoref.stages.target import add_colour, encode_colour, read_colour, write_colour
+from atmoref.stages.triangles import nearest_surface
 
 TRANSMITTANCE, PRINTED_G = 0, 1  # D-E1
 CONSTANT, SATURATING = 0, 1  # D-E34
@@ -56,8 +57,11 @@ class OpaqueUniforms(NamedTuple):
 
 
 @kernel
-def opaque_base(frame, depth, arith, forms, rules, uniforms, solids, window):
-    """Replace: nearest depth a - b / z into `depth` (far is 1), the ambient term I_a into `frame`."""
+def opaque_base(frame, depth, arith, forms, rules, uniforms, solids, surfaces, window):
+    """Replace: nearest depth a - b / z into `depth` (far is 1), the ambient term I_a into `frame`.
+
+    `surfaces` are the triangles as `rasterise` drew them into the same pixels.
+    """
     camera, surface = lift(arith, uniforms.camera), lift(arith, uniforms.surface)
     (form, depth_form), (frame_rules, depth_rule) = forms, rules
     size = window.height * window.pitch
@@ -65,7 +69,7 @@ def opaque_base(frame, depth, arith, forms, rules, uniforms, solids, window):
         for column in range(window.column0, window.column1, N):
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
-            hit = nearest_hit(arith, solids, ray.dx, ray.dy, ray.dz)
+            hit = nearest_surface(arith, solids, surfaces, p, size, ray.dx, ray.dy, ray.dz)
             none = hit.id < spread_int(int32(0))
             z = minimum(maximum(camera.depth_a - camera.depth_b / maximum(hit.t, 1e-6), 0.0), 1.0)
             write(depth, p, encode(depth_form, depth_rule, select(none, 1.0, z)))
@@ -100,7 +104,7 @@ def _albedo(arith, solids, hit, channel):
 
 
 @kernel
-def opaque_light(frame, arith, form, rules, uniforms, maps, solids, lit_solids, window):
+def opaque_light(frame, arith, form, rules, uniforms, maps, solids, surfaces, lit_solids, window):
     """Blend ONE, ONE: Lambertian reflection of one spotlight, with shadow, through fog.
 
     I_b = (albedo / pi) I_0 I_l H cos e^(-sigma_t s) / s^2, times e^(-sigma_t T).  `solids` are relative to the eye,
@@ -113,7 +117,7 @@ def opaque_light(frame, arith, form, rules, uniforms, maps, solids, lit_solids, 
         for column in range(window.column0, window.column1, N):
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
-            hit = nearest_hit(arith, solids, ray.dx, ray.dy, ray.dz)
+            hit = nearest_surface(arith, solids, surfaces, p, size, ray.dx, ray.dy, ray.dz)
             z = select(hit.id >= spread_int(int32(0)), hit.t, 1.0)
             lit = illuminate(arith, switches, spot, maps, lit_solids, ray, light_ray(spot, ray), z, hit.id)
             x, y, w = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z

@@ -9,9 +9,11 @@ from numba import int32
 from numpy.typing import NDArray
 
 from atmoref._jit import device, subroutine
-from atmoref.lanes import lift, maximum, minimum, select, spread_int, sqrt
+from atmoref.lanes import absolute, any_lane, lift, maximum, minimum, select, spread_int, sqrt
 
 NOTHING = -1
+OCCLUDER = 13  # three edge functions, plane function, slack
+SELF = 1e-3  # over this last part of the way to a point of its own, a mesh does not shade it
 FAR = 1e30  # metres: farther than any scene, finite in float32
 
 
@@ -28,6 +30,10 @@ class Solids(NamedTuple):
     grounds: NDArray[np.float64]  # (n,): height - origin height
     ground_ids: NDArray[np.int32]
     albedo: NDArray[np.float64]  # (objects, 3)
+    nodes: NDArray[np.float64]  # (nodes, 6): boxes around triangles, lower and upper corner - origin
+    links: NDArray[np.int32]  # (nodes, 3): next node when missed, first triangle, how many (0: children follow)
+    triangles: NDArray[np.float64]  # (n, OCCLUDER), see `stages.triangles.set_up_occluders`
+    triangle_ids: NDArray[np.int32]
 
 
 class Hit(NamedTuple):
@@ -95,9 +101,62 @@ def between(meets, enter, leave):
     return meets & (t > 0.0) & (t < 1.0)
 
 
+@device
+def _meets_box(arith, box, ix, iy, iz):
+    """Return the mask of lanes whose segment from parameter 0 to 1 meets a box; i are inverses of the direction."""
+    ax, bx = lift(arith, box[0]) * ix, lift(arith, box[3]) * ix
+    ay, by = lift(arith, box[1]) * iy, lift(arith, box[4]) * iy
+    az, bz = lift(arith, box[2]) * iz, lift(arith, box[5]) * iz
+    enter = maximum(maximum(minimum(ax, bx), minimum(ay, by)), minimum(az, bz))
+    leave = minimum(minimum(maximum(ax, bx), maximum(ay, by)), maximum(az, bz))
+    return (enter <= leave) & (leave > 0.0) & (enter < 1.0)
+
+
+@device
+def _inverse(d):
+    """Return 1 / d, finite."""
+    return (d * 0.0 + 1.0) / select((d < 1e-20) & (d > -1e-20), 1e-20, d)
+
+
+@device
+def _linear(arith, record, place, dx, dy, dz):
+    """Return a function of a triangle at d."""
+    return lift(arith, record[place]) * dx + lift(arith, record[place + 1]) * dy + lift(arith, record[place + 2]) * dz
+
+
+@device
+def occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked):
+    """Return `blocked`, and where a triangle cuts the segment from the origin to d.
+
+    The plane function is the inverse of the parameter of the hit.  A lane's answer does not hang on its neighbours':
+    what a box has kept out is not looked at, also where another lane needs that box.
+    """
+    reach = maximum(maximum(absolute(dx), absolute(dy)), absolute(dz))
+    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+    node = 0
+    while node < solids.nodes.shape[0]:
+        near = _meets_box(arith, solids.nodes[node], ix, iy, iz) & ~blocked
+        if not any_lane(near):
+            node = solids.links[node, 0]
+            continue
+        for i in range(solids.links[node, 1], solids.links[node, 1] + solids.links[node, 2]):
+            record = solids.triangles[i]
+            slack = reach * lift(arith, record[12])
+            inside = (_linear(arith, record, 0, dx, dy, dz) + slack >= 0.0) & near
+            inside = inside & (_linear(arith, record, 3, dx, dy, dz) + slack >= 0.0)
+            inside = inside & (_linear(arith, record, 6, dx, dy, dz) + slack >= 0.0)
+            least = select(own == spread_int(solids.triangle_ids[i]), reach * 0.0 + (1.0 + SELF), 1.0)
+            blocked = blocked | (inside & (_linear(arith, record, 9, dx, dy, dz) > least))
+        node += 1
+    return blocked
+
+
 @subroutine
 def occluded(arith, solids, dx, dy, dz, own):
-    """Return the mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility."""
+    """Return the mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility.
+
+    Triangles may belong to `own`.
+    """
     blocked = own < spread_int(int32(-2))
     for i in range(solids.spheres.shape[0]):
         meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
@@ -108,7 +167,7 @@ def occluded(arith, solids, dx, dy, dz, own):
     for i in range(solids.grounds.shape[0]):
         t = ground_root(arith, solids.grounds[i], dy)
         blocked = blocked | ((t > 0.0) & (t < 1.0) & (own != spread_int(solids.ground_ids[i])))
-    return blocked
+    return occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked)
 
 
 @device

@@ -8,8 +8,8 @@ from numba import int32
 
 from atmoref._jit import kernel
 from atmoref.buffers.blend import encode, write
-from atmoref.lanes import N, lift, maximum, minimum, pixels, select, spread_int
-from atmoref.stages.ray_cast import nearest_hit
+from atmoref.lanes import N, lift, load, maximum, minimum, pixels, select, spread_int
+from atmoref.stages.ray_cast import FAR, nearest_hit
 
 
 class ShadowUniforms(NamedTuple):
@@ -31,8 +31,11 @@ class ShadowUniforms(NamedTuple):
 
 
 @kernel
-def shadow_map(depth, arith, form, rule, uniforms, solids, pitch, size, row0, row1):
-    """Rasterise rows [row0, row1) of a (size, pitch) depth buffer; the empty texel is 1; nearer than `near` is 0."""
+def shadow_map(depth, arith, form, rule, uniforms, solids, surfaces, pitch, size, row0, row1):
+    """Rasterise rows [row0, row1) of a (size, pitch) depth buffer; the empty texel is 1; nearer than `near` is 0.
+
+    `surfaces` are the triangles as `rasterise` drew them into the same texels.
+    """
     u = lift(arith, uniforms)
     for row in range(row0, row1):
         y = (lift(arith, spread_int(int32(row))) + 0.5) * u.step - 1.0
@@ -42,7 +45,11 @@ def shadow_map(depth, arith, form, rule, uniforms, solids, pitch, size, row0, ro
             dy = x * u.right_y + y * u.up_y + u.axis_y
             dz = x * u.right_z + y * u.up_z + u.axis_z
             hit = nearest_hit(arith, solids, dx, dy, dz)
-            w = maximum(hit.t, u.near)
+            p = row * pitch + column
+            t = hit.t
+            if surfaces.on != 0:
+                t = minimum(load(surfaces.drawn, p), t)
+            w = maximum(t, u.near)
             window = minimum(maximum(u.depth_a - u.depth_b / w, 0.0), 1.0)
-            window = select(hit.id >= spread_int(int32(0)), window, 1.0)
-            write(depth, row * pitch + column, encode(form, rule, window))
+            window = select(t < FAR, window, 1.0)
+            write(depth, p, encode(form, rule, window))

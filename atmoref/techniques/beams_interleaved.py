@@ -62,7 +62,7 @@ def image_stage(stage: Stage, index: int, columns: int, key: str) -> Stage:
         frame=setting.target(stage.bank, "frame", f"{key}/frame", width, height),
         depth=setting.depth_target(stage.bank, "depth", f"{key}/depth", width, height),
     )
-    return Stage(setting, stage.params, own, shift, stage.spots)
+    return Stage(setting, stage.params, own, shift, stage.spots, stage.triangles())
 
 
 def renamed(p: Pass, key: str) -> Pass:
@@ -110,6 +110,8 @@ def build(
     stages = [image_stage(stage, i, columns, f"image_{i}") for i in range(params.images)]
     for i, own in enumerate(stages):
         passes += [renamed(p, f"image_{i}") for p in opaque_passes(own)]
+        for name, buffer in own.bank.items():
+            bank.setdefault(f"image_{i}/{name}", dataclasses.replace(buffer, name=f"image_{i}/{name}"))
         for spot, base_m in zip(own.spots, bases, strict=True):
             near, far = extent(scene, spot.frame, base_m, params.bounds)
             z, dt = shifted_depths(near, far, params, i)

@@ -27,6 +27,16 @@ from atmoref.techniques.spotlights import (
     surface_uniforms,
     switches,
 )
+from atmoref.techniques.triangle_passes import (
+    OCCLUDER_BYTES,
+    TriangleSet,
+    camera_view,
+    greatest,
+    no_surfaces,
+    shadow_view,
+    triangle_pass,
+    with_occluders,
+)
 
 if TYPE_CHECKING:
     from atmoref.scene import Spot as SceneSpot
@@ -70,6 +80,13 @@ class Stage:
     bank: Bank
     shift: tuple[float, float] = (0.0, 0.0)  # of pixel centres: an interleaved image's place in the whole
     spots: list[Spotlight] = field(default_factory=list)
+    triangle_set: TriangleSet | None = None  # of the scene, made when first asked for
+
+    def triangles(self) -> TriangleSet:
+        """Return the scene's triangles."""
+        if self.triangle_set is None:
+            self.triangle_set = TriangleSet.of(self.scene, self.setting.dtype)
+        return self.triangle_set
 
     @property
     def scene(self) -> Scene:
@@ -95,10 +112,15 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     sources = source(scene, light, params)
     grey_fog = all_equal(sources, scene.medium.extinction_per_m)
     target = "f_h" if "f_h" in stage.setting.formats else "frame"
+    objects = solids(scene, frame.position)
+    if params.visibility == "exact" and stage.triangles().count:
+        needed = stage.triangles().count * OCCLUDER_BYTES
+        stage.setting.require(stage.bank, needed, f"exact visibility of {stage.triangles().count} triangles")
+        objects = with_occluders(objects, stage.triangles(), frame.position, stage.setting.dtype)
     same_rules = all(len(set(stage.setting.rules(name))) == 1 for name in (target, "light_map"))
     return Spotlight(
         index, light, frame, sources, frame.uniforms(scene, params, far_m),
-        switches(frame, params, same_rules, grey_fog), solids(scene, light.position_m),
+        switches(frame, params, same_rules, grey_fog), objects,
     )  # fmt: skip
 
 
@@ -106,7 +128,9 @@ def shadow_far(scene: Scene, light: SceneSpot, base_m: float) -> float:
     """Return the far plane of a light's shadow map: behind the pyramid's base and every bounded object's far side."""
     farthest = base_m * 1.05
     axis = light.axis()
-    for item in scene.objects:
+    for i, item in enumerate(scene.objects):
+        if (part := scene.triangles(i)) is not None:
+            farthest = max(farthest, greatest(part.vertices, light.position_m, axis))
         if item.type == "sphere":
             away = minus(item.center_m, light.position_m)
             farthest = max(farthest, away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] + item.radius_m)
@@ -126,11 +150,18 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
         buffer = setting.depth_target(stage.bank, "shadow_map", shadow_key, size, size)
         uniforms = spot.frame.shadow_uniforms(size, params.shadow_near_m, far_m)
         depth_rule = setting.rules("shadow_map")[0]
+        surfaces = no_surfaces(setting)
+        if stage.triangles().count:
+            name = f"{shadow_key}/triangles"
+            view = shadow_view(uniforms, spot.frame.position)
+            surfaces, drawn = triangle_pass(setting, stage.bank, stage.triangles(), name, name, view, (size, size))
+            passes.append(drawn)
 
         def draw(d0: int, d1: int, row0: int, row1: int) -> None:
             shadow_map(
-                buffer.data, setting.arith, Mixed(), depth_rule, uniforms, spot.solids, buffer.pitch, size, row0, row1
-            )
+                buffer.data, setting.arith, Mixed(), depth_rule, uniforms, spot.solids, surfaces, buffer.pitch, size,
+                row0, row1,
+            )  # fmt: skip
 
         passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
     if params.light_distribution == "light_map":
@@ -165,13 +196,23 @@ def opaque_passes(stage: Stage) -> list[Pass]:
         surface, choices = surface_uniforms(scene, spot.light, stage.params)
         blocks[spot.index] = OpaqueUniforms(camera, spot.uniforms, surface, spot.switches, choices)
 
+    passes: list[Pass] = []
+    surfaces = no_surfaces(setting)
+    if stage.triangles().count:
+        surfaces, drawn = triangle_pass(
+            setting, stage.bank, stage.triangles(), "opaque/triangles", "opaque/triangles/depth",
+            camera_view(camera, scene.camera.position_m), (frame.width, frame.height),
+            lambda row0, row1: stage.window(0, 1, row0, row1), stage.rows(),
+        )  # fmt: skip
+        passes.append(drawn)
+
     def base(d0: int, d1: int, row0: int, row1: int) -> None:
         opaque_base(
             frame.data, depth.data, setting.arith, (setting.form, Mixed()), (frame_rules, depth_rule),
-            blocks[0], eye_solids, stage.window(d0, d1, row0, row1),
+            blocks[0], eye_solids, surfaces, stage.window(d0, d1, row0, row1),
         )  # fmt: skip
 
-    passes = [Pass("opaque", ("opaque",), frame.height, base, ("frame",), stage.rows())]
+    passes.append(Pass("opaque", ("opaque",), frame.height, base, ("frame",), stage.rows()))
     if not scene.objects:
         return passes
     for spot in stage.spots:
@@ -179,7 +220,7 @@ def opaque_passes(stage: Stage) -> list[Pass]:
         def light(d0: int, d1: int, row0: int, row1: int, spot: Spotlight = spot) -> None:
             opaque_light(
                 frame.data, setting.arith, setting.form, frame_rules, blocks[spot.index], spot.textures(), eye_solids,
-                spot.solids, stage.window(d0, d1, row0, row1),
+                surfaces, spot.solids, stage.window(d0, d1, row0, row1),
             )  # fmt: skip
 
         name = f"{spot.prefix}/opaque"

@@ -18,7 +18,7 @@ from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 from atmoref.scene import Box, Ground, Scene, Sphere
 from atmoref.stages.camera import Camera
 from atmoref.stages.opaque import CONSTANT, PRINTED_G, SATURATING, TRANSMITTANCE, Surface, SurfaceSwitches
-from atmoref.stages.ray_cast import Solids
+from atmoref.stages.ray_cast import OCCLUDER, Solids
 from atmoref.stages.shadow_map import ShadowUniforms
 from atmoref.stages.spot_light import LINEAR_ANGLE, NO_FALLOFF, SMOOTHSTEP_COSINE, Spot, Switches
 
@@ -148,7 +148,7 @@ def camera_uniforms(scene: Scene, shift: tuple[float, float] = (0.0, 0.0)) -> Ca
 
 
 def solids(scene: Scene, origin: Vec3) -> Solids:
-    """Return the scene's objects relative to an origin; ids are positions in the scene file."""
+    """Return the scene's objects relative to an origin, without triangles; ids are positions in the scene file."""
     spheres: list[tuple[float, ...]] = []
     boxes: list[tuple[float, ...]] = []
     grounds: list[float] = []
@@ -170,6 +170,7 @@ def solids(scene: Scene, origin: Vec3) -> Solids:
         np.array(spheres, np.float64).reshape(-1, 4), np.array(ids[0], np.int32),
         np.array(boxes, np.float64).reshape(-1, 6), np.array(ids[1], np.int32),
         np.array(grounds, np.float64), np.array(ids[2], np.int32), albedo.ravel(),
+        np.zeros((0, 6)), np.zeros((0, 3), np.int32), np.zeros((0, OCCLUDER)), np.zeros(0, np.int32),
     )  # fmt: skip
 
 

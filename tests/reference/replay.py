@@ -10,11 +10,12 @@ import numpy as np
 
 from atmoref import pipeline
 from atmoref.lanes import Double
-from atmoref.techniques import beams, beams_vertex, opaque_passes
+from atmoref.techniques import beams, beams_vertex, opaque_passes, triangle_passes
 from atmoref.techniques.render import prepare
 from reference.scalar_math import lower
 from reference.scalar_opaque import opaque_loops
 from reference.scalar_slabs import compiled_slab_loop
+from reference.scalar_triangles import triangle_loop
 from reference.scalar_vertex import compiled_vertex_loop
 
 Difference = dict[str, tuple[int, int, float]]  # stage -> texels compared, texels that differ, greatest difference
@@ -55,15 +56,16 @@ def _base(c: dict[str, Any]) -> None:
     real = real_of(c["arith"])
     frame_rules, depth_rule = lower(real, c["rules"])
     opaque_loops(real).base(
-        c["frame"], c["depth"], frame_rules, depth_rule, lower(real, c["uniforms"]), c["solids"], c["window"]
-    )
+        c["frame"], c["depth"], frame_rules, depth_rule, lower(real, c["uniforms"]), c["solids"], c["surfaces"],
+        c["window"],
+    )  # fmt: skip
 
 
 def _light(c: dict[str, Any]) -> None:
     real = real_of(c["arith"])
     opaque_loops(real).light(
         c["frame"], lower(real, c["rules"]), lower(real, c["uniforms"]), lower(real, c["maps"]), c["solids"],
-        c["lit_solids"], c["window"],
+        c["surfaces"], c["lit_solids"], c["window"],
     )  # fmt: skip
 
 
@@ -74,11 +76,17 @@ def _shadow(c: dict[str, Any]) -> None:
         lower(real, c["rule"]),
         lower(real, c["uniforms"]),
         c["solids"],
+        c["surfaces"],
         c["pitch"],
         c["size"],
         c["row0"],
         c["row1"],
     )
+
+
+def _rasterise(c: dict[str, Any]) -> None:
+    real = real_of(c["arith"])
+    triangle_loop(real)(c["drawn"], lower(real, c["grid"]), c["records"], c["window"])
 
 
 STAGES: dict[str, tuple[Any, Callable[[dict[str, Any]], None], tuple[str, ...]]] = {
@@ -87,6 +95,7 @@ STAGES: dict[str, tuple[Any, Callable[[dict[str, Any]], None], tuple[str, ...]]]
     "opaque_base": (opaque_passes, _base, ("frame", "depth")),
     "opaque_light": (opaque_passes, _light, ("frame",)),
     "shadow_map": (opaque_passes, _shadow, ("depth",)),
+    "rasterise": (triangle_passes, _rasterise, ("drawn",)),
 }
 
 

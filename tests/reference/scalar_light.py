@@ -12,7 +12,7 @@ FAR = 1e30
 
 def make_solids(real: Any) -> SimpleNamespace:
     """Intersections with spheres, boxes and horizontal planes; parameters in units of the direction's length."""
-    zero, one, far, tiny = real(0), real(1), real(FAR), real(1e-20)
+    zero, one, far, tiny, more = real(0), real(1), real(FAR), real(1e-20), real(1.0 + 1e-3)
 
     @inlined
     def sphere(s, dx, dy, dz):
@@ -49,6 +49,39 @@ def make_solids(real: Any) -> SimpleNamespace:
     def ground(height, dy):
         return far if dy < tiny and dy > -tiny else real(height) / dy
 
+    @inlined
+    def meets(b, ix, iy, iz):
+        """Does the segment from parameter 0 to 1 meet a box?"""
+        ax, bx, ay, by = real(b[0]) * ix, real(b[3]) * ix, real(b[1]) * iy, real(b[4]) * iy
+        az, bz = real(b[2]) * iz, real(b[5]) * iz
+        enter, leave = max(min(ax, bx), min(ay, by), min(az, bz)), min(max(ax, bx), max(ay, by), max(az, bz))
+        return enter <= leave and leave > zero and enter < one
+
+    @inlined
+    def inverse(d):
+        return one / tiny if d < tiny and d > -tiny else one / d
+
+    @inlined
+    def linear(record, k, dx, dy, dz):
+        return real(record[k]) * dx + real(record[k + 1]) * dy + real(record[k + 2]) * dz
+
+    @inlined
+    def shaded(solids, dx, dy, dz, own):
+        """Does a triangle cut the segment?  Looks into the box of every leaf."""
+        reach, ix, iy, iz = max(abs(dx), abs(dy), abs(dz)), inverse(dx), inverse(dy), inverse(dz)
+        for node in range(solids.nodes.shape[0]):
+            if solids.links[node, 2] == 0 or not meets(solids.nodes[node], ix, iy, iz):
+                continue
+            for i in range(solids.links[node, 1], solids.links[node, 1] + solids.links[node, 2]):
+                r = solids.triangles[i]
+                slack = reach * real(r[12])
+                least = more if solids.triangle_ids[i] == own else one
+                if linear(r, 0, dx, dy, dz) + slack < zero or linear(r, 3, dx, dy, dz) + slack < zero:
+                    continue
+                if linear(r, 6, dx, dy, dz) + slack >= zero and linear(r, 9, dx, dy, dz) > least:
+                    return True
+        return False
+
     @called
     def occluded(solids, dx, dy, dz, own):
         """Does an object other than `own` cut the segment from the origin to d?"""
@@ -67,7 +100,7 @@ def make_solids(real: Any) -> SimpleNamespace:
                 t = ground(solids.grounds[i], dy)
                 if t > zero and t < one:
                     return True
-        return False
+        return shaded(solids, dx, dy, dz, own)
 
     @called
     def nearest(solids, dx, dy, dz):

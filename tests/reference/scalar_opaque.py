@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from reference.scalar_light import FAR, lighting
-from reference.scalar_math import entry
+from reference.scalar_math import entry, inlined
 
 
 @functools.cache
@@ -19,15 +19,27 @@ def opaque_loops(real: Any) -> SimpleNamespace:
     zero, half, one, least, far = real(0), real(0.5), real(1), real(1e-6), real(FAR)
     per_pi = real(1.0 / math.pi)
 
+    @inlined
+    def nearest_surface(solids, surfaces, p, size, dx, dy, dz):
+        """Nearest of solids and drawn triangles, whose normals are turned to the viewer."""
+        t, found, nx, ny, nz = nearest(solids, dx, dy, dz)
+        if surfaces.on != 0 and surfaces.drawn[p] < t:
+            i = int(surfaces.drawn[p + size])
+            t, found = surfaces.drawn[p], surfaces.objects[i]
+            nx, ny, nz = surfaces.normals[3 * i], surfaces.normals[3 * i + 1], surfaces.normals[3 * i + 2]
+            if nx * dx + ny * dy + nz * dz > zero:
+                nx, ny, nz = -nx, -ny, -nz
+        return t, found, nx, ny, nz
+
     @entry
-    def base(frame, depth, frame_rules, depth_rule, uniforms, solids, window):
+    def base(frame, depth, frame_rules, depth_rule, uniforms, solids, surfaces, window):
         camera, surface = uniforms.camera, uniforms.surface
         size = window.height * window.pitch
         for row in range(window.row0, window.row1):
             for column in range(window.column0, window.column1):
                 p = row * window.pitch + column
                 ray = camera_ray(camera, column, row)
-                t, found, _, _, _ = nearest(solids, ray[2], ray[3], ray[4])
+                t, found, _, _, _ = nearest_surface(solids, surfaces, p, size, ray[2], ray[3], ray[4])
                 z = one
                 if found >= 0:
                     z = min(max(camera.depth_a - camera.depth_b / max(t, least), zero), one)
@@ -43,14 +55,14 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                 frame[p + 2 * size] = encode(frame_rules[2], b)
 
     @entry
-    def light(frame, rules, uniforms, maps, solids, lit_solids, window):
+    def light(frame, rules, uniforms, maps, solids, surfaces, lit_solids, window):
         camera, spot, surface, choices = uniforms.camera, uniforms.spot, uniforms.surface, uniforms.surface_switches
         size = window.height * window.pitch
         for row in range(window.row0, window.row1):
             for column in range(window.column0, window.column1):
                 p = row * window.pitch + column
                 ray = camera_ray(camera, column, row)
-                z, found, nx, ny, nz = nearest(solids, ray[2], ray[3], ray[4])
+                z, found, nx, ny, nz = nearest_surface(solids, surfaces, p, size, ray[2], ray[3], ray[4])
                 if found < 0:
                     continue
                 l_r, l_g, l_b = illuminate(
@@ -77,7 +89,7 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                     frame[at] = add(rules[c], real(frame[at]), e * (l_r, l_g, l_b)[c] * fog)
 
     @entry
-    def shadow_map(depth, rule, u, solids, pitch, size, row0, row1):
+    def shadow_map(depth, rule, u, solids, surfaces, pitch, size, row0, row1):
         for row in range(row0, row1):
             y = (real(row) + half) * u.step - one
             for column in range(size):
@@ -86,6 +98,8 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                 dy = x * u.right_y + y * u.up_y + u.axis_y
                 dz = x * u.right_z + y * u.up_z + u.axis_z
                 w, found, _, _, _ = nearest(solids, dx, dy, dz)
+                if surfaces.on != 0 and surfaces.drawn[row * pitch + column] < w:
+                    w, found = surfaces.drawn[row * pitch + column], 0
                 window = one
                 if found >= 0:
                     window = min(max(u.depth_a - u.depth_b / max(w, u.near), zero), one)

@@ -1,8 +1,10 @@
 """Small scenes for tests: the parameter set F4, edits of it, and random ones."""
 
 import copy
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
@@ -35,7 +37,7 @@ _F4: dict[str, Any] = {
 }  # fmt: skip
 
 
-def f4(**tables: Any) -> Scene:
+def f4(*, path: Path | None = None, **tables: Any) -> Scene:
     """Return the parameter set F4, 30 x 45 pixels, with keys of its tables replaced.
 
     A dict updates the table of that name (`lights` updates the first light, `phase` the phase function), a list takes a
@@ -53,7 +55,29 @@ def f4(**tables: Any) -> Scene:
             mapping["buffers"] = dict(change)
         else:
             mapping[name].update(change)
-    return scene_from_mapping(mapping, name="f4")
+    return scene_from_mapping(mapping, name="f4", path=path)
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for z in (0, 1) for y in (0, 1) for x in (0, 1)) + (
+    "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+)
+"""An OBJ file: the unit cube."""
+
+
+def with_triangles(folder: Path, **tables: Any) -> Scene:
+    """Return F4 with a mountain and a turned cube in place of its sphere and ground; their files go to a folder."""
+    rows, columns = np.mgrid[0:21, 0:17]
+    np.save(folder / "mountain.npy", (rows * columns % 5) / 4.0 + np.where(rows + columns > 17, 1.5, 0.0))
+    (folder / "cube.obj").write_text(CUBE)
+    objects = [
+        {"type": "height_field", "path": "mountain.npy", "cell_m": 1.1, "height_scale_m": 1.5, "albedo": 0.3},
+        {
+            "type": "mesh", "path": "cube.obj", "scale": 3.0, "rotate_y_deg": 25.0, "position_m": [-2.0, 8.0, -1.0],
+            "albedo": [0.05, 0.2, 0.4],
+        },
+        {"type": "sphere", "center_m": [0.0, 7.0, 0.5], "radius_m": 2.0, "albedo": 0.05},
+    ]  # fmt: skip
+    return f4(objects=objects, path=folder / "scene.toml", **tables)
 
 
 def bundled(name: str, *overrides: str, width: int = 45, height: int = 64) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.replay import differences
-from reference.scenes import bundled, scenes
+from reference.scenes import FLOAT64, bundled, scenes, with_triangles
 
 SINGLE = ("buffers.format=float32", "buffers.arithmetic=float32")
 FIGURES = ["fig4a", "fig4b", "fig4c", "quick", "two_lights"]
@@ -73,6 +74,24 @@ def test_float64(technique: str, preset: str) -> None:
 ], ids=" ".join)  # fmt: skip
 def test_options(overrides: list[str]) -> None:
     assert_equal(bundled("two_lights", *overrides, width=33, height=24))
+
+
+@pytest.mark.parametrize(
+    ("technique", "buffers"),
+    [("beams", {}), ("beams", {"format": "float32"}), ("beams", FLOAT64), ("beams_interleaved", {})],
+    ids=["unorm8", "float32", "float64", "interleaved"],
+)
+def test_triangles(tmp_path: Path, technique: str, buffers: dict[str, str]) -> None:
+    keys = {"preset": "analysis" if buffers is FLOAT64 else "corrected", "visibility": "shadow_map"}
+    found = differences(with_triangles(tmp_path, buffers=buffers, technique=keys | {"shadow_map_size": 64}), technique)
+    assert found["rasterise"][0] > 0
+    assert {stage: wrong for stage, (total, wrong, _) in found.items() if wrong} == {}, found
+
+
+@pytest.mark.parametrize("buffers", [{}, FLOAT64], ids=["unorm8", "float64"])
+def test_triangles_with_exact_visibility(tmp_path: Path, buffers: dict[str, str]) -> None:
+    keys = {"preset": "analysis" if buffers is FLOAT64 else "corrected", "visibility": "exact"}
+    assert_equal(with_triangles(tmp_path, buffers=buffers, technique=keys))
 
 
 @given(scene=scenes(UNORM))

@@ -9,7 +9,7 @@ import pytest
 from reference.scenes import bundled
 
 from atmoref.buffers.formats import FORMATS
-from atmoref.stages import beam_planes, opaque, shadow_map, vertex_planes
+from atmoref.stages import beam_planes, opaque, shadow_map, triangles, vertex_planes
 from atmoref.techniques import TECHNIQUES
 from atmoref.techniques.render import render
 
@@ -20,6 +20,8 @@ KERNELS: dict[str, Any] = {
     "opaque_base": opaque.opaque_base,
     "opaque_light": opaque.opaque_light,
     "shadow_map": shadow_map.shadow_map,
+    "rasterise": triangles.rasterise,
+    "set_up_triangles": triangles.set_up_triangles,
 }
 
 

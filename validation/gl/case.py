@@ -118,6 +118,8 @@ def load(scene: str, overrides: Sequence[str] = (), technique: str | None = None
 def _case(technique: str, setting: Setting, bank: Bank, by_name: dict[str, Pass], image: str) -> Case:
     """Return the passes of one image as a case."""
     scene = setting.scene
+    if any(scene.triangles(i) is not None for i in range(len(scene.objects))):
+        raise Unsupported(f"{scene.origin}: the OpenGL build draws spheres, boxes and grounds, not triangles")
     lights = []
     for i in range(len(scene.lights)):
         prefix = f"light_{i}"

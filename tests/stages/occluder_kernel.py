@@ -1,0 +1,41 @@
+"""A kernel that asks, for segments from one origin, whether triangles cut them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from atmoref._jit import kernel
+from atmoref.lanes import Double, N, Single, lift, load, select, spread_int, store
+from atmoref.stages.ray_cast import OCCLUDER, Solids, occluded
+
+
+@kernel
+def shade(out, arith, solids, dx, dy, dz, own):  # type: ignore[no-untyped-def]
+    """Write 1 where a segment is cut, else 0."""
+    for i in range(0, out.shape[0], N):
+        d = load(dx, i), load(dy, i), load(dz, i)
+        cut = occluded(arith, solids, d[0], d[1], d[2], spread_int(numba.int32(own)))
+        store(out, i, select(cut, d[0] * 0.0 + 1.0, lift(arith, spread_int(numba.int32(0)))))
+
+
+def no_solids() -> Solids:
+    """Return a scene of nothing."""
+    ids, none = np.zeros(0, np.int32), np.zeros
+    return Solids(
+        none((0, 4)), ids, none((0, 6)), ids, none(0), ids, none(3), none((0, 6)), np.zeros((0, 3), np.int32),
+        none((0, OCCLUDER)), ids,
+    )  # fmt: skip
+
+
+def shaded(solids: Solids, segments: Any, dtype: Any, own: int = -1) -> Any:
+    """Return which segments (n, 3) from the origin are cut."""
+    count = len(segments)
+    padded = np.zeros((-(-count // N) * N, 3), dtype)
+    padded[:count] = segments
+    out = np.zeros(len(padded), dtype)
+    tag = Single() if dtype is np.float32 else Double()
+    shade(out, tag, solids, *(np.ascontiguousarray(padded[:, i]) for i in range(3)), own)
+    return out[:count] > 0.0
