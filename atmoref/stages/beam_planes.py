@@ -16,7 +16,7 @@ from atmoref.buffers.blend import value
 from atmoref.lanes import N, any_lane, convert, lift, load, select, spread_int, store, sum_lanes
 from atmoref.stages.camera import Camera, camera_ray
 from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
-from atmoref.stages.spot_light import Spot, Switches, light_ray, pyramid_span
+from atmoref.stages.spot_light import Spot, Switches, light_ray, light_span
 from atmoref.stages.sub_plane import add_sub_plane, light_one, light_pair
 from atmoref.stages.target import Colour, add_colour, channel_rule, read_colour, write_colour
 
@@ -204,7 +204,7 @@ def beam_planes(
                 ray,
                 light,
                 place(arith, slab, slab_switches, mesh, ray, column, row),
-                pyramid_span(spot, light),
+                light_span(switches, spot, light),
                 lift(arith, load(depth, p)),
             )
             stored = read_colour(arith, frame, p, size)

@@ -27,6 +27,7 @@ from atmoref.lanes import (
     sqrt,
     to_int,
 )
+from atmoref.optics.lane_phase import lane_phase
 from atmoref.tables.q import q_integral
 
 DT_PAPER, DT_COSINE, DT_EXACT = 0, 1, 2  # D-E6
@@ -64,6 +65,9 @@ class Slab(NamedTuple):
     cross_cz: float
     cells_x: float  # mesh cells per image pixel
     cells_y: float
+    axis_x: float  # unit vector of the light's travel
+    axis_y: float
+    axis_z: float
     cell_x: float  # mesh coordinate of the left and lower edge: 0, or an interleaved image's
     cell_y: float
 
@@ -79,6 +83,7 @@ class SlabSwitches(NamedTuple):
     mesh_x: int
     mesh_y: int
     grey: int
+    parallel: int  # the sun: f_l in closed form
 
 
 class QMaps(NamedTuple):
@@ -115,11 +120,17 @@ class Corner(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Lanes that do not change from plane to plane: distance of the ray from the light, u at z = 0, mesh corner."""
+    """Lanes that do not change from plane to plane: distance of the ray from the light, u at z = 0, mesh corner.
+
+    Of the sun: f_l / c_k per channel.
+    """
 
     v: Any
     along: Any
     corner: Corner
+    sun_r: Any
+    sun_g: Any
+    sun_b: Any
 
 
 @device
@@ -191,9 +202,38 @@ def place(arith, slab, switches, mesh, ray, column, row):
     v = sqrt(cx * cx + cy * cy + cz * cz) / ray.length
     along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.length
     corner = mesh_corner(arith, slab, switches.mesh_x, switches.mesh_y, column, row)
-    if switches.vertex != 0:
+    r = v * 0.0
+    g, b = r, r
+    if switches.parallel != 0:
+        r, g, b = sunlight(slab, switches, ray)
+    elif switches.vertex != 0:
         v = interpolate(arith, mesh.v, 0, corner)
-    return Place(v, along, corner)
+    return Place(v, along, corner, r, g, b)
+
+
+@device
+def mean_transmittance(x):
+    """Return (1 - exp(-x)) / x for x >= 0, without cancellation; relative error below 1e-15 and rounding."""
+    series = 1.0 - x * (1.0 / 7.0) * (1.0 - x * (1.0 / 8.0))
+    series = 1.0 - x * (1.0 / 5.0) * (1.0 - x * (1.0 / 6.0) * series)
+    series = 1.0 - x * (1.0 / 2.0) * (1.0 - x * (1.0 / 3.0) * (1.0 - x * (1.0 / 4.0) * series))
+    return select(x < 0.0625, series, (1.0 - exp(x * -1.0)) / maximum(x, 0.0625))
+
+
+@device
+def sunlight(slab, switches, ray):
+    """Return gamma (1 - exp(-sigma_t dt)) / sigma_t, three channels: f_l of the sun without c_k (D-E13)."""
+    mu = (ray.dx * slab.axis_x + ray.dy * slab.axis_y + ray.dz * slab.axis_z) / ray.length * -1.0
+    dt = slab.dt + ray.length * 0.0
+    if switches.dt_mode != DT_PAPER:
+        dt = dt * ray.length
+    peak = lane_phase(switches.phase, slab.g, mu * slab.cosine) * dt
+    r = peak * slab.source_r * mean_transmittance(dt * slab.sigma_r)
+    g, b = r, r
+    if switches.grey == 0:
+        g = peak * slab.source_g * mean_transmittance(dt * slab.sigma_g)
+        b = peak * slab.source_b * mean_transmittance(dt * slab.sigma_b)
+    return r, g, b
 
 
 @device
@@ -215,28 +255,34 @@ def _exact(slab, switches, nodes, weights, sigma, source, u, v, dt):
 
 @device
 def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane, count):
-    """Return f_l = c_k q(u, v) of main plane `plane` at depth z, three channels."""
+    """Return f_l = c_k q(u, v) of main plane `plane` at depth z, three channels; of the sun in closed form."""
     nodes, weights = quadrature
     dt = slab.dt + ray.length * 0.0
     if switches.dt_mode == DT_EXACT:
         dt = dt * ray.length
     vertices = (switches.mesh_x + 1) * (switches.mesh_y + 1)
+    u, v = where.along, where.v
     if switches.vertex != 0:
-        u, v = interpolate(arith, mesh.u, plane * vertices, where.corner), where.v
+        if switches.parallel == 0:
+            u = interpolate(arith, mesh.u, plane * vertices, where.corner)
         c_r = interpolate(arith, mesh.c, plane * vertices, where.corner)
         c_g, c_b = c_r, c_r
         if switches.grey == 0:
             c_g = interpolate(arith, mesh.c, (count + plane) * vertices, where.corner)
             c_b = interpolate(arith, mesh.c, (2 * count + plane) * vertices, where.corner)
     else:
-        u, v = where.along + ray.length * z, where.v
+        u = where.along + ray.length * z
         t = ray.length * z
         c_r = exp(t * slab.sigma_r * -1.0)
         c_g, c_b = c_r, c_r
         if switches.grey == 0:
             c_g, c_b = exp(t * slab.sigma_g * -1.0), exp(t * slab.sigma_b * -1.0)
-        if switches.dt_mode == DT_COSINE:
+        if switches.parallel != 0:
+            c_r, c_g, c_b = c_r * where.sun_r, c_g * where.sun_g, c_b * where.sun_b
+        elif switches.dt_mode == DT_COSINE:
             c_r, c_g, c_b = c_r * ray.length, c_g * ray.length, c_b * ray.length
+    if switches.parallel != 0:
+        return c_r, c_g, c_b
     if switches.exact_q != 0:
         q_r = _exact(slab, switches, nodes, weights, slab.sigma_r, slab.source_r, u, v, dt)
     else:

@@ -83,16 +83,16 @@ def opaque_base(frame, depth, arith, forms, rules, uniforms, solids, surfaces, w
 
 
 @device
-def _fog(surface, switches, mu, distance, t):
+def _fog(surface, switches, mu, distance, path, t):
     """Return what the air leaves of a surface's radiance: exp(-sigma_t T), or g(T) as eq. (1) prints it (D-E1)."""
     r = exp(t * surface.sigma_r * -1.0)
     g = exp(t * surface.sigma_g * -1.0)
     b = exp(t * surface.sigma_b * -1.0)
     if switches.fog == PRINTED_G:
         peak = lane_phase(switches.phase, surface.g, mu) / (distance * distance)
-        r = r * surface.source_r * peak * exp(distance * surface.sigma_r * -1.0)
-        g = g * surface.source_g * peak * exp(distance * surface.sigma_g * -1.0)
-        b = b * surface.source_b * peak * exp(distance * surface.sigma_b * -1.0)
+        r = r * surface.source_r * peak * exp(path * surface.sigma_r * -1.0)
+        g = g * surface.source_g * peak * exp(path * surface.sigma_g * -1.0)
+        b = b * surface.source_b * peak * exp(path * surface.sigma_b * -1.0)
     return r, g, b
 
 
@@ -105,9 +105,10 @@ def _albedo(arith, solids, hit, channel):
 
 @kernel
 def opaque_light(frame, arith, form, rules, uniforms, maps, solids, surfaces, lit_solids, window):
-    """Blend ONE, ONE: Lambertian reflection of one spotlight, with shadow, through fog.
+    """Blend ONE, ONE: Lambertian reflection of one light, with shadow, through fog.
 
-    I_b = (albedo / pi) I_0 I_l H cos e^(-sigma_t s) / s^2, times e^(-sigma_t T).  `solids` are relative to the eye,
+    I_b = (albedo / pi) I_0 I_l H cos e^(-sigma_t s) / s^2, of the sun (albedo / pi) E_0 I_l H cos, times
+    e^(-sigma_t T).  `solids` are relative to the eye,
     `lit_solids` to the light.
     """
     camera, spot, surface = lift(arith, uniforms.camera), lift(arith, uniforms.spot), lift(arith, uniforms.surface)
@@ -122,14 +123,18 @@ def opaque_light(frame, arith, form, rules, uniforms, maps, solids, surfaces, li
             lit = illuminate(arith, switches, spot, maps, lit_solids, ray, light_ray(spot, ray), z, hit.id)
             x, y, w = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
             distance = maximum(sqrt(x * x + y * y + w * w), 1e-6)
+            path = distance
+            if switches.parallel != 0:  # E_0 arrives as it is (D-E13)
+                x, y, w = path * 0.0 + spot.axis_x, path * 0.0 + spot.axis_y, path * 0.0 + spot.axis_z
+                distance, path = path * 0.0 + 1.0, path * 0.0
             facing = (hit.nx * x + hit.ny * y + hit.nz * w) / distance * -1.0
             mu = (ray.dx * x + ray.dy * y + ray.dz * w) / (distance * ray.length) * -1.0
             mask = lit.mask & (facing > 0.0) & (hit.id >= spread_int(int32(0)))
-            f_r, f_g, f_b = _fog(surface, uniforms.surface_switches, mu, distance, z * ray.length)
+            f_r, f_g, f_b = _fog(surface, uniforms.surface_switches, mu, distance, path, z * ray.length)
             e = select(mask, facing / (distance * distance) * 0.3183098861837907, 0.0)
-            f_r = f_r * surface.intensity_r * exp(distance * surface.sigma_r * -1.0) * _albedo(arith, solids, hit, 0)
-            f_g = f_g * surface.intensity_g * exp(distance * surface.sigma_g * -1.0) * _albedo(arith, solids, hit, 1)
-            f_b = f_b * surface.intensity_b * exp(distance * surface.sigma_b * -1.0) * _albedo(arith, solids, hit, 2)
+            f_r = f_r * surface.intensity_r * exp(path * surface.sigma_r * -1.0) * _albedo(arith, solids, hit, 0)
+            f_g = f_g * surface.intensity_g * exp(path * surface.sigma_g * -1.0) * _albedo(arith, solids, hit, 1)
+            f_b = f_b * surface.intensity_b * exp(path * surface.sigma_b * -1.0) * _albedo(arith, solids, hit, 2)
             stored = read_colour(arith, frame, p, size)
             stored = add_colour(form, rules, stored, e * lit.r * f_r, e * lit.g * f_g, e * lit.b * f_b)
             write_colour(frame, p, size, stored)

@@ -46,13 +46,28 @@ class Hit(NamedTuple):
     nz: Any
 
 
+class Start(NamedTuple):
+    """Where rays start, relative to the origin of the solids: lanes, or the origin itself."""
+
+    x: Any
+    y: Any
+    z: Any
+
+
 @device
-def sphere_roots(arith, sphere, dx, dy, dz):
+def origin(arith):
+    """Return the origin of the solids as the start of rays; differences to it cost nothing."""
+    zero = lift(arith, 0.0)
+    return Start(zero, zero, zero)
+
+
+@device
+def sphere_roots(arith, sphere, start, dx, dy, dz):
     """Return whether the line meets the sphere, and both parameters.
 
     sqrt(d.d r^2 - |c x d|^2) loses no digits far away.
     """
-    x, y, z = lift(arith, sphere[0]), lift(arith, sphere[1]), lift(arith, sphere[2])
+    x, y, z = lift(arith, sphere[0]) - start.x, lift(arith, sphere[1]) - start.y, lift(arith, sphere[2]) - start.z
     radius = lift(arith, sphere[3])
     along = x * dx + y * dy + z * dz
     cx, cy, cz = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
@@ -63,29 +78,29 @@ def sphere_roots(arith, sphere, dx, dy, dz):
 
 
 @device
-def _slab(arith, low, high, d):
+def _slab(arith, low, high, start, d):
     """Entry and exit parameters of one pair of box planes; a parallel ray inside counts as (-FAR, FAR)."""
     safe = select((d < 1e-20) & (d > -1e-20), 1e-20, d)
-    a, b = lift(arith, low) / safe, lift(arith, high) / safe
+    a, b = (lift(arith, low) - start) / safe, (lift(arith, high) - start) / safe
     return minimum(a, b), maximum(a, b)
 
 
 @device
-def box_roots(arith, box, dx, dy, dz):
+def box_roots(arith, box, start, dx, dy, dz):
     """Return whether the line meets the box, both parameters, and the three entries (for the normal)."""
-    x0, x1 = _slab(arith, box[0], box[3], dx)
-    y0, y1 = _slab(arith, box[1], box[4], dy)
-    z0, z1 = _slab(arith, box[2], box[5], dz)
+    x0, x1 = _slab(arith, box[0], box[3], start.x, dx)
+    y0, y1 = _slab(arith, box[1], box[4], start.y, dy)
+    z0, z1 = _slab(arith, box[2], box[5], start.z, dz)
     enter = maximum(maximum(x0, y0), z0)
     leave = minimum(minimum(x1, y1), z1)
     return enter < leave, enter, leave, x0, y0, z0
 
 
 @device
-def ground_root(arith, height, dy):
+def ground_root(arith, height, start, dy):
     """Return the parameter at which a ray meets the plane y = height; FAR when parallel."""
     parallel = (dy < 1e-20) & (dy > -1e-20)
-    return select(parallel, FAR, lift(arith, height) / select(parallel, 1e-20, dy))
+    return select(parallel, FAR, (lift(arith, height) - start.y) / select(parallel, 1e-20, dy))
 
 
 @device
@@ -152,20 +167,20 @@ def occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked):
 
 
 @subroutine
-def occluded(arith, solids, dx, dy, dz, own):
-    """Return the mask: does any object other than `own` cut the segment from the origin to d?  Exact visibility.
+def occluded(arith, solids, start, dx, dy, dz, own):
+    """Return the mask: does any object other than `own` cut the segment from start to start + d?  Exact visibility.
 
-    Triangles may belong to `own`.
+    Triangles may belong to `own`, and want the origin as the start.
     """
     blocked = own < spread_int(int32(-2))
     for i in range(solids.spheres.shape[0]):
-        meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
+        meets, enter, leave = sphere_roots(arith, solids.spheres[i], start, dx, dy, dz)
         blocked = blocked | (between(meets, enter, leave) & (own != spread_int(solids.sphere_ids[i])))
     for i in range(solids.boxes.shape[0]):
-        meets, enter, leave, _, _, _ = box_roots(arith, solids.boxes[i], dx, dy, dz)
+        meets, enter, leave, _, _, _ = box_roots(arith, solids.boxes[i], start, dx, dy, dz)
         blocked = blocked | (between(meets, enter, leave) & (own != spread_int(solids.box_ids[i])))
     for i in range(solids.grounds.shape[0]):
-        t = ground_root(arith, solids.grounds[i], dy)
+        t = ground_root(arith, solids.grounds[i], start, dy)
         blocked = blocked | ((t > 0.0) & (t < 1.0) & (own != spread_int(solids.ground_ids[i])))
     return occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked)
 
@@ -177,23 +192,23 @@ def _sign(test, d):
 
 
 @device
-def nearest_hit(arith, solids, dx, dy, dz):
-    """Return the nearest object ahead of the origin along d (not necessarily a unit vector)."""
+def nearest_hit(arith, solids, start, dx, dy, dz):
+    """Return the nearest object ahead of the start along d (not necessarily a unit vector)."""
     zero = dx * 0.0
     t, nx, ny, nz = zero + FAR, zero, zero, zero
     found = spread_int(int32(NOTHING))
     for i in range(solids.spheres.shape[0]):
-        meets, enter, leave = sphere_roots(arith, solids.spheres[i], dx, dy, dz)
+        meets, enter, leave = sphere_roots(arith, solids.spheres[i], start, dx, dy, dz)
         s = _first(enter, leave)
         nearer = meets & (s > 0.0) & (s < t)
         scale = lift(arith, 1.0 / solids.spheres[i, 3])
         t = select(nearer, s, t)
         found = select(nearer, spread_int(solids.sphere_ids[i]), found)
-        nx = select(nearer, (dx * s - lift(arith, solids.spheres[i, 0])) * scale, nx)
-        ny = select(nearer, (dy * s - lift(arith, solids.spheres[i, 1])) * scale, ny)
-        nz = select(nearer, (dz * s - lift(arith, solids.spheres[i, 2])) * scale, nz)
+        nx = select(nearer, (dx * s - (lift(arith, solids.spheres[i, 0]) - start.x)) * scale, nx)
+        ny = select(nearer, (dy * s - (lift(arith, solids.spheres[i, 1]) - start.y)) * scale, ny)
+        nz = select(nearer, (dz * s - (lift(arith, solids.spheres[i, 2]) - start.z)) * scale, nz)
     for i in range(solids.boxes.shape[0]):
-        meets, enter, leave, x0, y0, z0 = box_roots(arith, solids.boxes[i], dx, dy, dz)
+        meets, enter, leave, x0, y0, z0 = box_roots(arith, solids.boxes[i], start, dx, dy, dz)
         s = _first(enter, leave)
         nearer = meets & (s > 0.0) & (s < t)
         on_x = x0 >= maximum(y0, z0)
@@ -204,7 +219,7 @@ def nearest_hit(arith, solids, dx, dy, dz):
         ny = select(nearer, _sign(on_y, dy), ny)
         nz = select(nearer, _sign(~(on_x | on_y), dz), nz)
     for i in range(solids.grounds.shape[0]):
-        s = ground_root(arith, solids.grounds[i], dy)
+        s = ground_root(arith, solids.grounds[i], start, dy)
         nearer = (s > 0.0) & (s < t)
         t = select(nearer, s, t)
         found = select(nearer, spread_int(solids.ground_ids[i]), found)

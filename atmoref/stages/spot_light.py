@@ -2,10 +2,11 @@
 # (kernel code is typed by Numba)
 """The fragment stage that every lit pass shares: light map and shadow map projected onto a point of a view ray.
 
-A point of the ray is eye + z d.  The spot's texture coordinates are (u, v, w) = rows z + offsets, divided by w, with w
-the depth along the light's axis; u and v run from 0 to 1 over the square that holds the outer cone.  Shadow maps store
-window depth as the hardware does, a - b / w.  Exact visibility and exact distribution replace the two maps in the
-method's own analysis.
+A point of the ray is eye + z d.  The light's texture coordinates are (u, v, w) = rows z + offsets, divided by w, with w
+the depth along the light's axis; u and v run from 0 to 1 over the square that holds the outer cone, or the projector's
+picture.  Shadow maps store window depth as the hardware does, a - b / w.  The sun's coordinates are not divided, its
+depth is linear, and without a window it shines beyond its maps too.  Exact visibility and exact distribution replace
+the two maps in the method's own analysis.
 """
 
 from typing import Any, NamedTuple
@@ -13,8 +14,9 @@ from typing import Any, NamedTuple
 from atmoref._jit import device
 from atmoref.buffers.sampler import Texture, bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
 from atmoref.lanes import absolute, any_lane, atan2, lift, maximum, minimum, saturate, select, sqrt
-from atmoref.stages.ray_cast import occluded
+from atmoref.stages.ray_cast import Start, occluded, origin
 
+BEYOND = 1e9  # metres: farther than anything that could cast a shadow
 SLACK = 1e-5  # some 80 roundings in float32
 SMOOTHSTEP_COSINE, LINEAR_ANGLE, NO_FALLOFF = 0, 1, 2
 
@@ -37,8 +39,11 @@ class Spot(NamedTuple):
     from_x: float  # eye - light, world axes
     from_y: float
     from_z: float
+    axis_x: float  # unit vector of travel
+    axis_y: float
+    axis_z: float
     least_w: float  # w below it is behind the light
-    depth_a: float
+    depth_a: float  # window depth a - b / w; of the sun a + b w, bias included
     depth_b: float
     bias: float  # depth_b times the shadow bias in metres: d(window depth) = bias / w^2
     peak: float
@@ -58,6 +63,8 @@ class Switches(NamedTuple):
     grey_light: int  # the light map's channels are equal
     grey_fog: int  # extinction and rho F of the channels are equal
     skip: int
+    parallel: int  # the sun
+    unbounded: int  # without a window: lit beyond the map, on both sides of its plane
 
 
 class Maps(NamedTuple):
@@ -114,6 +121,30 @@ def _cut(span, slope, start):
 
 
 @device
+def light_span(switches, spot, light):
+    """Return depths z > 0 at which rays can be in the light's volume."""
+    if switches.unbounded != 0:
+        return Span(light.w * 0.0, light.w * 0.0 + 1e30)
+    if switches.parallel != 0:
+        return prism_span(spot, light)
+    return pyramid_span(spot, light)
+
+
+@device
+def prism_span(spot, light):
+    """Return `pyramid_span` of parallel light: w >= 0 and 0 <= u, v <= 1, which are linear in z by themselves."""
+    bend, base = absolute(light.w) * SLACK, absolute(spot.w_0) * SLACK
+    span = Span(light.w * 0.0, light.w * 0.0 + 1e30)
+    span = _cut(span, light.w + bend, spot.w_0 + base)
+    bend, base = absolute(light.u) * SLACK, (absolute(spot.u_0) + 1.0) * SLACK
+    span = _cut(span, light.u + bend, spot.u_0 + base)
+    span = _cut(span, bend - light.u, 1.0 - spot.u_0 + base)
+    bend, base = absolute(light.v) * SLACK, (absolute(spot.v_0) + 1.0) * SLACK
+    span = _cut(span, light.v + bend, spot.v_0 + base)
+    return _cut(span, bend - light.v, 1.0 - spot.v_0 + base)
+
+
+@device
 def pyramid_span(spot, light):
     """Return depths z > 0 at which w >= 0 and 0 <= u, v <= 1 can hold: five linear conditions.
 
@@ -157,19 +188,26 @@ class Point(NamedTuple):
 
 
 @device
-def project_point(arith, spot, light, z):
+def project_point(arith, switches, spot, light, z):
     """Return the points eye + z d in the light's projection."""
     w = light.w * z + spot.w_0
-    inverse = lift(arith, 1.0) / maximum(w, spot.least_w)
-    u = (light.u * z + spot.u_0) * inverse
-    v = (light.v * z + spot.v_0) * inverse
+    u, v = light.u * z + spot.u_0, light.v * z + spot.v_0
+    inverse = lift(arith, 1.0)
+    if switches.parallel == 0:
+        inverse = inverse / maximum(w, spot.least_w)
+        u, v = u * inverse, v * inverse
     us, vs = saturate(u), saturate(v)
-    return Point((w >= spot.least_w) & (us == u) & (vs == v), us, vs, u, v, w, inverse)
+    mask = (w >= spot.least_w) & (us == u) & (vs == v)
+    if switches.unbounded != 0:
+        mask = w == w
+    return Point(mask, us, vs, u, v, w, inverse)
 
 
 @device
-def depth_reference(spot, point):
+def depth_reference(switches, spot, point):
     """Return the window depth that the shadow map is compared with."""
+    if switches.parallel != 0:
+        return point.w * spot.depth_b + spot.depth_a
     return spot.depth_a - (spot.depth_b + spot.bias * point.inverse) * point.inverse
 
 
@@ -178,8 +216,31 @@ def visibility(arith, switches, spot, maps, solids, ray, z, own, point):
     """Return H: 0 or 1, or a fraction from percentage-closer filtering."""
     if switches.exact_visibility != 0:
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
-        return select(occluded(arith, solids, dx, dy, dz, own), point.w * 0.0, 1.0)
-    return shadow_compare(arith, maps.shadow, point.us, point.vs, depth_reference(spot, point))
+        if switches.parallel != 0:
+            start = Start(dx, dy, dz)
+            back = point.w * -1.0
+            if switches.unbounded != 0:
+                back = point.w * 0.0 - BEYOND
+            return _unless(
+                occluded(arith, solids, start, back * spot.axis_x, back * spot.axis_y, back * spot.axis_z, own), back
+            )
+        return _unless(occluded(arith, solids, origin(arith), dx, dy, dz, own), dx)
+    visible = shadow_compare(arith, maps.shadow, point.us, point.vs, depth_reference(switches, spot, point))
+    return beyond_map(switches, point, visible)
+
+
+@device
+def _unless(blocked, like):
+    """Return 0 where blocked, else 1."""
+    return select(blocked, like * 0.0, 1.0)
+
+
+@device
+def beyond_map(switches, point, visible):
+    """Return the visibility, 1 beyond the map of a sun without a window: there is nothing that casts a shadow."""
+    if switches.unbounded != 0:
+        return select((point.us == point.u) & (point.vs == point.v), visible, 1.0)
+    return visible
 
 
 @device
@@ -202,8 +263,9 @@ def visibility_pair(arith, switches, spot, maps, solids, ray, z_a, z_b, own, a, 
     if switches.exact_visibility != 0:
         first = visibility(arith, switches, spot, maps, solids, ray, z_a, own, a)
         return first, visibility(arith, switches, spot, maps, solids, ray, z_b, own, b)
-    reference_a, reference_b = depth_reference(spot, a), depth_reference(spot, b)
-    return shadow_pair(arith, maps.shadow, (a.us, a.vs), (b.us, b.vs), reference_a, reference_b)
+    reference_a, reference_b = depth_reference(switches, spot, a), depth_reference(switches, spot, b)
+    first, second = shadow_pair(arith, maps.shadow, (a.us, a.vs), (b.us, b.vs), reference_a, reference_b)
+    return beyond_map(switches, a, first), beyond_map(switches, b, second)
 
 
 @device
@@ -246,5 +308,5 @@ def illuminate(arith, switches, spot, maps, solids, ray, light, z, own):
 
     `own` is the object that a surface point belongs to (it cannot shadow itself), -1 in the air.
     """
-    point = project_point(arith, spot, light, z)
+    point = project_point(arith, switches, spot, light, z)
     return shine(arith, switches, spot, maps, solids, ray, z, own, point, point.mask)

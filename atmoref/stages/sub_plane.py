@@ -44,7 +44,7 @@ def add_sub_plane(arith, form, rules, switches, draws, s, lit, h):
 def light_one(arith, switches, spot, maps, solids, draws, s, pixel, own):
     """Return what sub-plane s receives (D-E33: none behind a surface)."""
     z = lift(arith, draws.z[s])
-    point = project_point(arith, spot, pixel.light, z)
+    point = project_point(arith, switches, spot, pixel.light, z)
     mask = point.mask & (lift(arith, draws.depth[s]) < pixel.surface)
     return shine(arith, switches, spot, maps, solids, pixel.ray, z, own, point, mask)
 
@@ -56,8 +56,8 @@ def light_pair(arith, switches, spot, maps, solids, draws, s, t, pixel, own):
     Two at once, stage by stage: each is a chain of dependent steps, so that a processor is half idle with one.
     """
     z_s, z_t = lift(arith, draws.z[s]), lift(arith, draws.z[t])
-    a = project_point(arith, spot, pixel.light, z_s)
-    b = project_point(arith, spot, pixel.light, z_t)
+    a = project_point(arith, switches, spot, pixel.light, z_s)
+    b = project_point(arith, switches, spot, pixel.light, z_t)
     mask_a = a.mask & (lift(arith, draws.depth[s]) < pixel.surface)
     mask_b = b.mask & (lift(arith, draws.depth[t]) < pixel.surface)
     zero = a.w * 0.0

@@ -39,7 +39,7 @@ from atmoref.lanes import (
     store,
     to_int,
 )
-from atmoref.stages.ray_cast import FAR, Hit, nearest_hit
+from atmoref.stages.ray_cast import FAR, Hit, nearest_hit, origin
 
 GROUP = 64  # triangles that are left out together where their rows are not drawn
 RECORD = 14  # three edge functions, depth function, nearest and farthest depth
@@ -346,7 +346,7 @@ def nearest_surface(arith, solids, surfaces, p, size, dx, dy, dz):
 
     A triangle's normal points to where it is seen from.
     """
-    hit = nearest_hit(arith, solids, dx, dy, dz)
+    hit = nearest_hit(arith, solids, origin(arith), dx, dy, dz)
     if surfaces.on == 0:
         return hit
     t = load(surfaces.drawn, p)

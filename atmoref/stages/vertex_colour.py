@@ -23,14 +23,18 @@ class VertexUniforms(NamedTuple):
     dt: float
     g: float
     cosine: float  # +1, or -1 for the wrong scattering angle of D-E3
+    axis_x: float  # unit vector of the light's travel
+    axis_y: float
+    axis_z: float
 
 
 @kernel
-def vertex_colours(out, ex, ey, z, sigma, source, uniforms, phase, stretch, count):
+def vertex_colours(out, ex, ey, z, sigma, source, uniforms, phase, stretch, parallel, count):
     """Fill out[channel, plane, vertex] (flat, N elements longer) with rho F(alpha) exp(-sigma_t (s + t)) / s^2 dt.
 
     ex, ey : image-plane coordinates of the `count` vertices, padded to a multiple of N; z : depths of the planes, m;
-    sigma, source : per channel; stretch : 1 if dt is to be divided by cos psi (D-E6).  Each lane store may run into the
+    sigma, source : per channel; stretch : 1 if dt is to be divided by cos psi (D-E6); parallel : 1 for the sun,
+    which has neither 1 / s^2 nor s (D-E13).  Each lane store may run into the
     next plane, which is written after it.
     """
     arith = Double()
@@ -50,8 +54,11 @@ def vertex_colours(out, ex, ey, z, sigma, source, uniforms, phase, stretch, coun
                 px, py, pz = dx * depth + u.from_x, dy * depth + u.from_y, dz * depth + u.from_z
                 distance = maximum(sqrt(px * px + py * py + pz * pz), 1e-6)
                 mu = (dx * px + dy * py + dz * pz) / (distance * span) * -1.0
+                path = distance + depth * span
+                if parallel != 0:
+                    mu = (dx * u.axis_x + dy * u.axis_y + dz * u.axis_z) / span * -1.0
+                    distance, path = span * 0.0 + 1.0, depth * span
                 common = lane_phase(phase, u.g, mu * u.cosine) / (distance * distance) * u.dt
                 if stretch != 0:
                     common = common * span
-                path = distance + depth * span
                 store(out, start + i, common * strength * exp(path * sigma_t * -1.0))

@@ -22,7 +22,7 @@ from atmoref.stages.beam_planes import (
 )
 from atmoref.stages.camera import camera_ray
 from atmoref.stages.main_plane import DT_PAPER, interpolate, mesh_corner
-from atmoref.stages.spot_light import illuminate, light_ray, pyramid_span
+from atmoref.stages.spot_light import illuminate, light_ray, light_span
 from atmoref.stages.target import Colour, add_colour, read_colour, write_colour
 
 
@@ -59,10 +59,14 @@ def plane_source(arith, slab, switches, colours, ray, corner, z, plane, count):
     x, y, w = ray.dx * z + slab.from_x, ray.dy * z + slab.from_y, ray.dz * z + slab.from_z
     distance = maximum(sqrt(x * x + y * y + w * w), 1e-6)
     mu = (ray.dx * x + ray.dy * y + ray.dz * w) / (distance * ray.length) * -1.0
+    path = distance + z * ray.length
+    if switches.parallel != 0:  # neither 1 / s^2 nor a way from the light (D-E13)
+        mu = (ray.dx * slab.axis_x + ray.dy * slab.axis_y + ray.dz * slab.axis_z) / ray.length * -1.0
+        distance, path = ray.length * 0.0 + 1.0, z * ray.length
     dt = slab.dt + ray.length * 0.0
     if switches.dt_mode != DT_PAPER:
         dt = dt * ray.length
-    return _attenuation(slab, switches, distance, distance + z * ray.length, mu, dt)
+    return _attenuation(slab, switches, distance, path, mu, dt)
 
 
 @kernel
@@ -80,7 +84,7 @@ def vertex_planes(frame, depth, counters, probe, arith, form, rules, uniforms, m
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
             light = light_ray(spot, ray)
-            span = pyramid_span(spot, light)
+            span = light_span(switches, spot, light)
             corner = mesh_corner(arith, slab, slab_switches.mesh_x, slab_switches.mesh_y, column, row)
             surface = lift(arith, load(depth, p))
             stored = read_colour(arith, frame, p, size)

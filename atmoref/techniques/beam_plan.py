@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from atmoref.elementary import exp
 from atmoref.numerics.vectors import Vec3, cross, dot, length, minus
-from atmoref.optics.phase_functions import PHASE_FUNCTIONS
+from atmoref.optics.phase_functions import PHASE_FUNCTIONS, evaluate
 from atmoref.scene import Ground, Scene, SceneError
 from atmoref.tables.q import Fog, QDomain, q_values
 from atmoref.techniques.beams_parameters import (
@@ -24,10 +24,12 @@ from atmoref.techniques.beams_parameters import (
     BeamsParameters,
     SpotlightParameters,
 )
-from atmoref.techniques.spotlights import LightFrame
+from atmoref.techniques.light_frames import LightFrame, ParallelFrame, PointFrame
+from atmoref.techniques.spotlights import camera_uniforms
 
 OPAQUE = 6.0  # optical depth at which a beam without a ground is cut off
 COARSE_U, COARSE_V, ZOOMS = 257, 8, 3
+SCREEN = 33  # rays across the screen and up it, among which the sun's greatest f_l is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,8 @@ class BeamPlan:
 def base_distance(scene: Scene, frame: LightFrame, params: SpotlightParameters, index: int) -> float:
     """Return d_0 of one light, metres: as given, or to the ground under the pyramid, or where the beam has faded.
 
+    Of a sun without a window it is the depth from the eye, at most the camera's far plane.
+
     Raises
     ------
     SceneError
@@ -70,10 +74,12 @@ def base_distance(scene: Scene, frame: LightFrame, params: SpotlightParameters, 
                 f"allowed: one number, or {len(scene.lights)}, one per light (m)"
             )
         return given[index % len(given)]
-    reach = [_to_ground(frame, item.height_m) for item in scene.objects if isinstance(item, Ground)]
+    reach = [] if frame.unbounded else [_to_ground(frame, i.height_m) for i in scene.objects if isinstance(i, Ground)]
     sigma = max(scene.medium.extinction_per_m)
     if sigma > 0.0:
         reach.append(OPAQUE / sigma)
+    if frame.unbounded:
+        reach.append(scene.camera.far_m)
     finite = [r for r in reach if math.isfinite(r)]
     if not finite:
         raise SceneError(
@@ -84,11 +90,10 @@ def base_distance(scene: Scene, frame: LightFrame, params: SpotlightParameters, 
 
 
 def _to_ground(frame: LightFrame, height: float) -> float:
-    """Return the depth at which all of the pyramid has passed y = height; infinite if some of it never does."""
-    drop = height - frame.position[1]
+    """Return the depth at which all of the light's volume has passed y = height; infinite if some of it never does."""
     farthest = 0.0
-    for x, y in ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)):
-        slope = frame.corner_ray(x, y)[1]
+    for start, ray in frame.edges():
+        drop, slope = height - start[1], ray[1]
         if drop * slope <= 0.0:
             return math.inf
         farthest = max(farthest, drop / slope)
@@ -96,39 +101,42 @@ def _to_ground(frame: LightFrame, height: float) -> float:
 
 
 def extent(scene: Scene, frame: LightFrame, base_m: float, bounds: str) -> tuple[float, float]:
-    """Return the nearest and farthest depth of the pyramid, clipped to the near plane (D-E9).
+    """Return the nearest and farthest depth of the light's volume, clipped to the near plane (D-E9).
 
-    `euclid` gives the least and greatest distance from the eye instead, as printed.
+    `euclid` gives the least and greatest distance from the eye instead, as printed, where the volume is a pyramid.
     """
     eye, forward = scene.camera.position_m, scene.camera.basis()[2]
     near = scene.camera.near_m
+    if frame.unbounded:
+        return near, max(near, base_m)
     offsets = [minus(corner, eye) for corner in frame.corners(base_m)]
-    if bounds == "euclid":
+    if bounds == "euclid" and isinstance(frame, PointFrame):
         start = _distance_to_pyramid(frame, base_m, eye)
         return max(near, start), max(near, max(length(o) for o in offsets))
     depths = [dot(o, forward) for o in offsets]
     return max(near, min(depths)), max(near, max(depths))
 
 
-def _distance_to_pyramid(frame: LightFrame, base_m: float, point: Vec3) -> float:
+def _distance_to_pyramid(frame: PointFrame, base_m: float, point: Vec3) -> float:
     """Return the distance from a point to the nearest one of the pyramid, metres; 0 inside.
 
-    At depth h below the apex the nearest point is clamped to the square |x|, |y| <= h tan(outer); the squared distance
-    is convex in h, and quadratic between the depths at which the square reaches |y| and |x|.
+    At depth h below the apex the nearest point is clamped to the rectangle |x| <= h t_x, |y| <= h t_y; the squared
+    distance is convex in h, and quadratic between the depths at which the rectangle reaches |x| and |y|.
     """
     p = minus(point, frame.position)
-    w, t = dot(p, frame.axis), frame.tan_outer
-    y, x = sorted((abs(dot(p, frame.right)), abs(dot(p, frame.up))))
-    first, second = min(y / t, base_m), min(x / t, base_m)
+    w = dot(p, frame.axis)
+    sides = ((abs(dot(p, frame.right)), frame.tan_outer), (abs(dot(p, frame.up)), frame.tan_up))
+    (y, t), (x, s) = sorted(sides, key=lambda side: side[0] / side[1])
+    first, second = min(y / t, base_m), min(x / s, base_m)
     vertices = (
-        (0.0, first, (w + t * (x + y)) / (1.0 + 2.0 * t * t)),
-        (first, second, (w + t * x) / (1.0 + t * t)),
+        (0.0, first, (w + t * y + s * x) / (1.0 + t * t + s * s)),
+        (first, second, (w + s * x) / (1.0 + s * s)),
         (second, base_m, w),
     )
     best = math.inf
     for low, high, vertex in vertices:
         h = min(max(vertex, low), high)
-        best = min(best, length((w - h, max(x - h * t, 0.0), max(y - h * t, 0.0))))
+        best = min(best, length((w - h, max(x - h * s, 0.0), max(y - h * t, 0.0))))
     return best
 
 
@@ -140,10 +148,9 @@ def fogs(scene: Scene, cosine: float) -> tuple[Fog, Fog, Fog]:
     return a, b, c
 
 
-def q_domain(frame: LightFrame, base_m: float, dt_m: float, params: BeamsParameters) -> QDomain:
+def q_domain(frame: PointFrame, base_m: float, dt_m: float, params: BeamsParameters) -> QDomain:
     """Return the table's extent: all (u, v) that points of the pyramid can have."""
-    half = base_m * frame.tan_outer
-    reach = math.sqrt(base_m * base_m + 2.0 * half * half)
+    reach = frame.reach(base_m)
     return QDomain(-reach - dt_m, reach, min(params.q_least_v_m, 0.5 * reach), reach, params.q_table_size)
 
 
@@ -166,6 +173,49 @@ def _greatest_q(fog: Fog, scale: float, dt_m: float, reach: float, v_ref: float)
     return best
 
 
+def _greatest_f_l(
+    scene: Scene, frame: LightFrame, base_m: float, dt_m: float, params: BeamsParameters, sources: Vec3
+) -> float:
+    """Return the maximum of q over the light's volume from v_ref on, or of the sun's f_l at the eye over the screen."""
+    if isinstance(frame, ParallelFrame):
+        at = (2.0 * np.arange(SCREEN) / (SCREEN - 1.0)) - 1.0
+        camera = camera_uniforms(scene)
+        ex, ey = np.tile(at * camera.tan_x, SCREEN), np.repeat(at * camera.tan_y, SCREEN)
+        return float(sunlight(scene, frame, sources, params, dt_m, ex, ey).max())
+    reach = frame.reach(base_m)
+    v_ref = min(params.v_ref_m if params.v_ref_m is not None else 0.2 * base_m, reach)
+    channels = set(zip(fogs(scene, 1.0), sources, strict=True))
+    return max(_greatest_q(fog, scale, dt_m, reach, v_ref) for fog, scale in channels)
+
+
+def sunlight(
+    scene: Scene, frame: ParallelFrame, sources: Vec3, params: SpotlightParameters, dt_m: float,
+    ex: NDArray[np.float64], ey: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """Return f_l / c_k of the sun, (3, n), for rays through points (ex, ey) of the image plane (D-E13).
+
+    gamma (1 - exp(-sigma_t dt)) / sigma_t with gamma = E_0 sigma_s p(cos alpha), which is constant along a ray.
+    """
+    axes = scene.camera.basis()
+    right, up, forward = (dot(axis, frame.axis) for axis in axes)
+    span = np.sqrt(1.0 + ex * ex + ey * ey)
+    mu = -(ex * right + ey * up + forward) / span
+    sign = -1.0 if params.scattering_angle == "backward" else 1.0
+    medium = scene.medium.phase_function
+    dt = dt_m * (np.ones_like(span) if params.dt_mode == "paper" else span)
+    peak = evaluate(PHASE_FUNCTIONS[medium.type], medium.g, mu * sign) * dt
+    sigmas = scene.medium.extinction_per_m
+    return np.stack([peak * s * mean_transmittance(sigma * dt) for s, sigma in zip(sources, sigmas, strict=True)])
+
+
+def mean_transmittance(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (1 - exp(-x)) / x for x >= 0, without cancellation, to 1e-15."""
+    series = 1.0 + x * 0.0
+    for n in (8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0):
+        series = 1.0 - x / n * series
+    return np.where(x < 0.0625, series, (1.0 - exp(-x)) / np.maximum(x, 0.0625))
+
+
 def interval(scene: Scene, frame: LightFrame, base_m: float, params: BeamsParameters, sources: Vec3) -> float:
     """Return dt: the greatest multiple of delta_min whose q does not exceed i_max (D-E7, D-E8), at most delta_max.
 
@@ -173,15 +223,10 @@ def interval(scene: Scene, frame: LightFrame, base_m: float, params: BeamsParame
     """
     if params.interval_m is not None:
         return params.interval_m
-    half = base_m * frame.tan_outer
-    reach = math.sqrt(base_m * base_m + 2.0 * half * half)
-    v_ref = min(params.v_ref_m if params.v_ref_m is not None else 0.2 * base_m, reach)
     most = int(params.delta_max_m / params.delta_min_m * (1.0 + 1e-12))
-    channels = sorted(set(zip(fogs(scene, 1.0), sources, strict=True)), key=str)
 
     def fits(count: int) -> bool:
-        dt = count * params.delta_min_m
-        return all(_greatest_q(fog, scale, dt, reach, v_ref) <= params.i_max for fog, scale in channels)
+        return _greatest_f_l(scene, frame, base_m, count * params.delta_min_m, params, sources) <= params.i_max
 
     low, high = 1, max(most, 1)  # q grows with dt (M-5), so the last count that fits is found by halving
     if not fits(low):
@@ -201,6 +246,13 @@ def centre_f_l(
 
     q counts up to i_max, as in the paper's table: a camera that looks into the light would ask for endless sub-planes.
     """
+    if isinstance(frame, ParallelFrame):
+        factor = sunlight(scene, frame, sources, params, dt_m, np.zeros(1), np.zeros(1))
+        per_channel = [
+            np.minimum(f, params.i_max) * exp(-s * depths)
+            for f, s in zip(factor, scene.medium.extinction_per_m, strict=True)
+        ]
+        return np.asarray(np.max(per_channel, axis=0))
     forward = scene.camera.basis()[2]
     offset = minus(scene.camera.position_m, frame.position)
     u = dot(offset, forward) + depths

@@ -24,19 +24,19 @@ from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms, beam_plane
 from atmoref.stages.main_plane import DT_COSINE, DT_EXACT, DT_PAPER, Mesh, QMaps, Slab, SlabSwitches
 from atmoref.stages.sub_plane import Draws
 from atmoref.tables.q import QDomain, q_table
-from atmoref.techniques.beam_plan import BeamPlan, base_distance, beam_plan, fogs, q_domain
+from atmoref.techniques.beam_plan import BeamPlan, base_distance, beam_plan, fogs, q_domain, sunlight
 from atmoref.techniques.beams_parameters import BeamsParameters, SpotlightParameters
+from atmoref.techniques.light_frames import ParallelFrame, PointFrame, light_frame, shadow_far
 from atmoref.techniques.opaque_passes import (
     HOST_BYTES,
     Spotlight,
     Stage,
     opaque_passes,
-    shadow_far,
     shadow_passes,
     spotlight,
 )
 from atmoref.techniques.setting import Setting
-from atmoref.techniques.spotlights import LightFrame, camera_uniforms
+from atmoref.techniques.spotlights import camera_uniforms
 
 NAME = "beams"
 Parameters = BeamsParameters
@@ -68,7 +68,7 @@ def slab_uniforms(stage: Stage, spot: Spotlight, dt_m: float, table: tuple[float
     return Slab._make((
         dt_m, *scene.medium.extinction_per_m, *spot.sources, scene.medium.phase_function.g, cosine, *table, *offset,
         *cross(offset, right), *cross(offset, up), *cross(offset, forward),
-        *cells, cells[0] * stage.shift[0], cells[1] * stage.shift[1],
+        *cells, *spot.frame.axis, cells[0] * stage.shift[0], cells[1] * stage.shift[1],
     ))  # fmt: skip
 
 
@@ -79,6 +79,7 @@ def slab_switches(
     return SlabSwitches(
         PHASE_FUNCTIONS[scene.medium.phase_function.type], DT_MODES[params.dt_mode], int(exact_q), int(rest),
         int(params.coordinates == "vertex"), params.mesh[0], params.mesh[1], spot.switches.grey_fog,
+        spot.switches.parallel,
     )  # fmt: skip
 
 
@@ -105,6 +106,8 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     points = (params.mesh[0] + 1) * (params.mesh[1] + 1) * len(plan.main_z)
     stage.setting.require(stage.bank, points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
     ex, ey = mesh_rays(scene, params.mesh)
+    if isinstance(spot.frame, ParallelFrame):
+        return _sun_mesh(stage, spot, spot.frame, plan, ex, ey)
     (right, up, forward), offset = scene.camera.basis(), minus(scene.camera.position_m, spot.frame.position)
     span = np.sqrt(1.0 + ex * ex + ey * ey)
     along = (ex * dot(offset, right) + ey * dot(offset, up) + dot(offset, forward)) / span
@@ -118,6 +121,25 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     c = np.stack([exp(-sigma * (span * z)) * factor for sigma in sigmas])
     attributes = (u.ravel(), v, encoded(stage.setting, "vertex_colour", c).ravel())
     return Mesh(*(array.astype(stage.setting.dtype) for array in attributes))
+
+
+def _sun_mesh(
+    stage: Stage,
+    spot: Spotlight,
+    frame: ParallelFrame,
+    plan: BeamPlan,
+    ex: NDArray[np.float64],
+    ey: NDArray[np.float64],
+) -> Mesh:
+    """Return the vertex attributes of the sun: all of f_l, as a stored colour."""
+    scene, params = stage.scene, stage.params
+    path = np.sqrt(1.0 + ex * ex + ey * ey) * plan.main_z[:, None]
+    factor = sunlight(scene, frame, spot.sources, params, plan.dt_m, ex, ey)
+    sigmas = scene.medium.extinction_per_m[: 1 if spot.switches.grey_fog else 3]
+    c = np.stack([exp(-sigma * path) * f for sigma, f in zip(sigmas, factor, strict=False)])
+    colours = encoded(stage.setting, "vertex_colour", np.minimum(c, 1.0))
+    nothing = np.zeros(1, stage.setting.dtype)
+    return Mesh(nothing, nothing, colours.ravel().astype(stage.setting.dtype))
 
 
 def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -> tuple[QMaps, float, float]:
@@ -179,9 +201,14 @@ def slab_pass(stage: Stage, spot: Spotlight, plan: BeamPlan, counters: NDArray[n
     """Return the pass that draws all slabs of one light."""
     setting, scene, params = stage.setting, stage.scene, stage.params
     assert isinstance(params, BeamsParameters)
-    domain = q_domain(spot.frame, plan.base_m, plan.dt_m, params)
-    q, span, rest = q_textures(stage, spot, plan, domain)
-    slab = slab_uniforms(stage, spot, plan.dt_m, (*domain.scale_offset(), span, rest))
+    table, rest = (0.0,) * 6, 0.0
+    blank = texture(np.zeros((1, 1)), setting.formats["q"], setting.device, setting.dtype)
+    q = QMaps(blank, blank)
+    if isinstance(spot.frame, PointFrame):
+        domain = q_domain(spot.frame, plan.base_m, plan.dt_m, params)
+        q, span, rest = q_textures(stage, spot, plan, domain)
+        table = (*domain.scale_offset(), span, rest)
+    slab = slab_uniforms(stage, spot, plan.dt_m, table)
     choices = slab_switches(scene, spot, params, params.q == "exact", rest > 0.0)
     uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     depth_format = setting.formats["depth"]
@@ -226,9 +253,9 @@ def build(setting: Setting, params: BeamsParameters, *, trace: bool = False) -> 
     passes: list[Pass] = []
     plans: list[BeamPlan] = []
     top = setting.formats["f_h"].top if setting.formats["f_h"].kind == "unorm" else None
-    for index, light in enumerate(scene.lights):
-        frame = LightFrame.of(light)
-        far = shadow_far(scene, light, base_distance(scene, frame, params, index))
+    for index in range(len(scene.lights)):
+        frame = light_frame(scene, index)
+        far = shadow_far(scene, frame, base_distance(scene, frame, params, index))
         spot = spotlight(stage, index, far)
         stage.spots.append(spot)
         plans.append(beam_plan(scene, frame, params, index, spot.sources, top))

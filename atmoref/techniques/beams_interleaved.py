@@ -22,9 +22,9 @@ from atmoref.stages.beam_planes import COUNTERS, PROBE
 from atmoref.techniques import beams_vertex
 from atmoref.techniques.beam_plan import base_distance, extent
 from atmoref.techniques.beams_parameters import BeamsInterleavedParameters
-from atmoref.techniques.opaque_passes import Stage, opaque_passes, shadow_far, shadow_passes, spotlight
+from atmoref.techniques.light_frames import light_frame, shadow_far
+from atmoref.techniques.opaque_passes import Stage, opaque_passes, shadow_passes, spotlight
 from atmoref.techniques.setting import Setting
-from atmoref.techniques.spotlights import LightFrame
 
 NAME = "beams_interleaved"
 Parameters = BeamsInterleavedParameters
@@ -101,8 +101,9 @@ def build(
     columns = math.isqrt(params.images) if params.composition == "interleave" else 1
     passes: list[Pass] = []
     bases = []
-    for index, light in enumerate(scene.lights):
-        bases.append(base_distance(scene, LightFrame.of(light), params, index))
+    for index in range(len(scene.lights)):
+        light = light_frame(scene, index)
+        bases.append(base_distance(scene, light, params, index))
         far = shadow_far(scene, light, bases[-1])
         stage.spots.append(spotlight(stage, index, far))
         passes += shadow_passes(stage, stage.spots[-1], far)

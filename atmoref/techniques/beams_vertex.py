@@ -21,17 +21,17 @@ from atmoref.stages.vertex_planes import VertexDraws, vertex_planes
 from atmoref.techniques import beams
 from atmoref.techniques.beam_plan import base_distance, extent
 from atmoref.techniques.beams_parameters import BeamsVertexParameters
+from atmoref.techniques.light_frames import light_frame, shadow_far
 from atmoref.techniques.opaque_passes import (
     HOST_BYTES,
     Spotlight,
     Stage,
     opaque_passes,
-    shadow_far,
     shadow_passes,
     spotlight,
 )
 from atmoref.techniques.setting import Setting
-from atmoref.techniques.spotlights import LightFrame, camera_uniforms
+from atmoref.techniques.spotlights import camera_uniforms
 
 NAME = "beams_vertex"
 Parameters = BeamsVertexParameters
@@ -63,7 +63,7 @@ def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: 
     medium = scene.medium
     uniforms = VertexUniforms(
         camera_uniforms(scene), *minus(scene.camera.position_m, spot.frame.position), dt_m, medium.phase_function.g,
-        -1.0 if params.scattering_angle == "backward" else 1.0,
+        -1.0 if params.scattering_angle == "backward" else 1.0, *spot.frame.axis,
     )  # fmt: skip
     channels = 1 if spot.switches.grey_fog else 3
     needed = channels * len(z) * count * HOST_BYTES
@@ -72,7 +72,8 @@ def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: 
     fill_colours(
         colours, np.concatenate([ex, padding]), np.concatenate([ey, padding]), z,
         np.array(medium.extinction_per_m[:channels]), np.array(spot.sources[:channels]), uniforms,
-        PHASE_FUNCTIONS[medium.phase_function.type], int(params.dt_mode != "paper"), count,
+        PHASE_FUNCTIONS[medium.phase_function.type], int(params.dt_mode != "paper"),
+        spot.switches.parallel, count,
     )  # fmt: skip
     return beams.encoded(stage.setting, "vertex_colour", colours[:-N])
 
@@ -111,9 +112,10 @@ def build(
     setting.depth_target(bank, "depth", "depth", scene.image.width, scene.image.height)
     passes: list[Pass] = []
     bases = []
-    for index, light in enumerate(scene.lights):
-        bases.append(base_distance(scene, LightFrame.of(light), params, index))
-        far = shadow_far(scene, light, bases[-1])
+    for index in range(len(scene.lights)):
+        own = light_frame(scene, index)
+        bases.append(base_distance(scene, own, params, index))
+        far = shadow_far(scene, own, bases[-1])
         stage.spots.append(spotlight(stage, index, far))
         passes += shadow_passes(stage, stage.spots[-1], far)
     passes += opaque_passes(stage)

@@ -9,17 +9,17 @@ import numpy as np
 
 from atmoref.buffers.blend import Mixed
 from atmoref.buffers.sampler import texture
-from atmoref.numerics.vectors import Vec3, minus
+from atmoref.numerics.vectors import Vec3
 from atmoref.pipeline import Bank, Pass
-from atmoref.scene import Scene
+from atmoref.scene import Scene, SceneError
 from atmoref.stages.beam_planes import Window
 from atmoref.stages.opaque import OpaqueUniforms, opaque_base, opaque_light
 from atmoref.stages.ray_cast import Solids
 from atmoref.stages.shadow_map import shadow_map
 from atmoref.stages.spot_light import Maps, Spot, Switches
+from atmoref.techniques.light_frames import LightFrame, light_frame
 from atmoref.techniques.setting import Setting
 from atmoref.techniques.spotlights import (
-    LightFrame,
     all_equal,
     camera_uniforms,
     solids,
@@ -31,7 +31,6 @@ from atmoref.techniques.triangle_passes import (
     OCCLUDER_BYTES,
     TriangleSet,
     camera_view,
-    greatest,
     no_surfaces,
     shadow_view,
     triangle_pass,
@@ -39,7 +38,7 @@ from atmoref.techniques.triangle_passes import (
 )
 
 if TYPE_CHECKING:
-    from atmoref.scene import Spot as SceneSpot
+    from atmoref.scene import Light
     from atmoref.techniques.beams_parameters import SpotlightParameters
 
 
@@ -51,7 +50,7 @@ class Spotlight:
     """One light of a render: its frame, its uniforms, and its textures once they have been drawn."""
 
     index: int
-    light: SceneSpot
+    light: Light
     frame: LightFrame
     sources: Vec3
     uniforms: Spot
@@ -108,12 +107,17 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     """Return one light of the scene, ready for its passes; `far_m` is the far plane of its shadow map."""
     scene, params = stage.scene, stage.params
     light = scene.lights[index]
-    frame = LightFrame.of(light)
+    frame = light_frame(scene, index)
     sources = source(scene, light, params)
     grey_fog = all_equal(sources, scene.medium.extinction_per_m)
     target = "f_h" if "f_h" in stage.setting.formats else "frame"
     objects = solids(scene, frame.position)
     if params.visibility == "exact" and stage.triangles().count:
+        if frame.parallel:
+            raise SceneError(
+                f'{scene.origin}: technique.visibility: found "exact", with triangles in the light of the sun '
+                f'(lights[{index}]); allowed: "shadow_map"'
+            )
         needed = stage.triangles().count * OCCLUDER_BYTES
         stage.setting.require(stage.bank, needed, f"exact visibility of {stage.triangles().count} triangles")
         objects = with_occluders(objects, stage.triangles(), frame.position, stage.setting.dtype)
@@ -122,22 +126,6 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
         index, light, frame, sources, frame.uniforms(scene, params, far_m),
         switches(frame, params, same_rules, grey_fog), objects,
     )  # fmt: skip
-
-
-def shadow_far(scene: Scene, light: SceneSpot, base_m: float) -> float:
-    """Return the far plane of a light's shadow map: behind the pyramid's base and every bounded object's far side."""
-    farthest = base_m * 1.05
-    axis = light.axis()
-    for i, item in enumerate(scene.objects):
-        if (part := scene.triangles(i)) is not None:
-            farthest = max(farthest, greatest(part.vertices, light.position_m, axis))
-        if item.type == "sphere":
-            away = minus(item.center_m, light.position_m)
-            farthest = max(farthest, away[0] * axis[0] + away[1] * axis[1] + away[2] * axis[2] + item.radius_m)
-        elif item.type == "box":
-            low, high = minus(item.min_m, light.position_m), minus(item.max_m, light.position_m)
-            farthest = max(farthest, sum(max(a * n, b * n) for a, b, n in zip(low, high, axis, strict=True)))
-    return farthest
 
 
 def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
@@ -153,22 +141,23 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
         surfaces = no_surfaces(setting)
         if stage.triangles().count:
             name = f"{shadow_key}/triangles"
-            view = shadow_view(uniforms, spot.frame.position)
+            view = shadow_view(uniforms, spot.frame.position, "parallel" if spot.frame.parallel else "perspective")
             surfaces, drawn = triangle_pass(setting, stage.bank, stage.triangles(), name, name, view, (size, size))
             passes.append(drawn)
 
         def draw(d0: int, d1: int, row0: int, row1: int) -> None:
             shadow_map(
-                buffer.data, setting.arith, Mixed(), depth_rule, uniforms, spot.solids, surfaces, buffer.pitch, size,
-                row0, row1,
+                buffer.data, setting.arith, Mixed(), depth_rule, uniforms, spot.switches.parallel, spot.solids,
+                surfaces, buffer.pitch, size, row0, row1,
             )  # fmt: skip
 
         passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
-    if params.light_distribution == "light_map":
-        needed = 3 * params.light_map_size * params.light_map_size * HOST_BYTES
-        setting.require(stage.bank, needed, f"technique.light_map_size = {params.light_map_size}")
-        texels = spot.frame.distribution(params.light_map_size)
-        if not spot.switches.grey_light:  # stages read a channel each
+    if not spot.switches.exact_distribution:
+        size = params.light_map_size
+        if spot.frame.picture is None:
+            setting.require(stage.bank, 3 * size * size * HOST_BYTES, f"technique.light_map_size = {size}")
+        texels = spot.frame.light_map(size)
+        if texels.ndim == 2 and not spot.switches.grey_light:  # stages read a channel each
             texels = np.repeat(texels[..., None], 3, -1)
         setting.image(stage.bank, "light_map", light_key, texels)
 

@@ -93,12 +93,6 @@ class TriangleSet:
         return len(self.faces)
 
 
-def greatest(vertices: NDArray[np.float64], origin: Vec3, axis: Vec3) -> float:
-    """Return how far points (V, 3) lie from an origin along an axis, at most."""
-    x, y, z = (vertices[:, i] - origin[i] for i in range(3))
-    return float(np.max(x * axis[0] + y * axis[1] + z * axis[2]))
-
-
 def axes(origin: Vec3, right: Vec3, up: Vec3, axis: Vec3) -> Axes:
     """Return the view in which the point origin + z (x right + y up + axis) has the coordinates (x z, y z, z).
 

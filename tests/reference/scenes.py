@@ -193,13 +193,14 @@ def scenes(draw: st.DrawFn, buffers: st.SearchStrategy[dict[str, Any]], most_sub
 def _sub_planes(scene: Scene) -> int:
     """Return how many sub-planes a scene asks for."""
     from atmoref.techniques.beam_plan import beam_plan
+    from atmoref.techniques.light_frames import light_frame
     from atmoref.techniques.render import parameters
-    from atmoref.techniques.spotlights import LightFrame, source
+    from atmoref.techniques.spotlights import source
 
     if scene.technique.name != "beams":
         return 0
     params: Any = parameters(scene, "beams")
     return sum(
-        beam_plan(scene, LightFrame.of(light), params, i, source(scene, light, params), None).counts[1]
+        beam_plan(scene, light_frame(scene, i), params, i, source(scene, light, params), None).counts[1]
         for i, light in enumerate(scene.lights)
     )
