@@ -233,11 +233,14 @@ def _track(x0, x1, w0, w1, size, low, high):
 
 
 @subroutine
-def _next(x0, x1, w0, w1, k, last, step, u):
-    """Return the next line from ``k`` on that is crossed behind ``u``, and where; infinite for none."""
+def _next(x0, x1, w0, w1, k, last, step, u, high):
+    """Return the next line from ``k`` on that is crossed between ``u`` and ``high``, and where; infinite for none.
+
+    Lines that are crossed on the ray's continuation, beyond infinity, are passed over.
+    """
     while (last - k) * step >= 0:
         root = -(x0 - k * w0) / (x1 - k * w1)
-        if root > u:
+        if u < root < high:
             return k, root
         k += step
     return k, math.inf
@@ -273,8 +276,8 @@ def walk_cells(texels, picture, x, y, w, low, high, ends, cells, n):
     before = n
     a = low
     while a < high:
-        column, next_x = _next(x0, x1, w0, w1, column, last_column, column_step, a)
-        line, next_y = _next(y0, y1, w0, w1, line, last_line, line_step, a)
+        column, next_x = _next(x0, x1, w0, w1, column, last_column, column_step, a, high)
+        line, next_y = _next(y0, y1, w0, w1, line, last_line, line_step, a, high)
         b = min(next_x, next_y, high)
         middle = 0.5 * (a + b) if b < math.inf else a + 1.0 + abs(a)
         cell = _cell(picture, _at(x0, x1, w0, w1, middle), _at(y0, y1, w0, w1, middle))

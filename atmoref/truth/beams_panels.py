@@ -150,11 +150,11 @@ def _halfway(a, b):
 
 
 @subroutine
-def _good(value, error, allowance, rtol, groups):
-    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole."""
+def _good(value, error, noise, allowance, rtol, groups):
+    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole, or is rounding."""
     good = True
     for i in range(groups):
-        good &= error[i] <= 0.5 * rtol * (value[i] + allowance[i]) + _FLOOR
+        good &= error[i] <= max(0.5 * rtol * (value[i] + allowance[i]), noise[i]) + _FLOOR
     return good
 
 
@@ -205,7 +205,7 @@ def integrator(panel):
                 allowance[i] = share * whole[i]
             middle = _halfway(a, b)
             stuck = height + 2 > _STACK or share < 2.0**-_MAX_DEPTH or not a < middle < b
-            if stuck or _good(value, error, allowance, settings.rtol, groups):
+            if stuck or _good(value, error, noise, allowance, settings.rtol, groups):
                 for i in range(groups):
                     work.value[p, i] += value[i]
                     work.error[p, i] += error[i]
@@ -233,7 +233,7 @@ def integrator(panel):
         computed = n
         if settings.adaptive:
             for p in range(n):
-                if not _good(work.value[p], work.error[p], whole, settings.rtol, groups):
+                if not _good(work.value[p], work.error[p], work.noise[p], whole, settings.rtol, groups):
                     computed += refine(
                         medium, r, rule, settings, work, p, groups, whole, value, error, work.scratch[1],
                         work.scratch[2],

@@ -115,7 +115,7 @@ def _bilinear(q, fx, fy, lost_x, lost_y):
     """Return I_l in a cell and its rounding error."""
     _, _, a, kx, ky, kxy = q
     rounding = (abs(kx) + abs(kxy)) * lost_x + (abs(ky) + abs(kxy)) * lost_y
-    return a + kx * fx + ky * fy + kxy * fx * fy, rounding
+    return max(a + kx * fx + ky * fy + kxy * fx * fy, 0.0), rounding
 
 
 @subroutine
