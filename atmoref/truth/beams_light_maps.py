@@ -169,8 +169,8 @@ def clip_linear(g0, g1, low, high):
 @subroutine
 def _cell(picture, x, y):
     """Return the texel at the least corner of the cell around (X, Y)."""
-    i = min(max(int(math.floor(x)), 0), picture.width)
-    j = min(max(int(math.floor(y)), 0), picture.height)
+    i = min(max(math.floor(x), 0), picture.width)
+    j = min(max(math.floor(y), 0), picture.height)
     return picture.first + j * (picture.width + 2) + i
 
 
@@ -228,8 +228,8 @@ def _track(x0, x1, w0, w1, size, low, high):
     first = min(max(_at(x0, x1, w0, w1, low), 0.0), size + 1.0)
     last = min(max(_at(x0, x1, w0, w1, high), 0.0), size + 1.0)
     if slope > 0.0:
-        return max(int(math.floor(first)), 1), min(int(math.ceil(last)), size), 1
-    return min(int(math.ceil(first)), size), max(int(math.floor(last)), 1), -1
+        return max(math.floor(first), 1), min(math.ceil(last), size), 1
+    return min(math.ceil(first), size), max(math.floor(last), 1), -1
 
 
 @subroutine

@@ -71,7 +71,7 @@ def _looked_up(q, picture, u, v, c):
     if u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
         return 0.0
     x, y = u * picture.width - 0.5, v * picture.height - 0.5
-    i, j = int(math.floor(x)), int(math.floor(y))
+    i, j = math.floor(x), math.floor(y)
     top = (i + 1 - x) * _texel(q, picture, i, j, c) + (x - i) * _texel(q, picture, i + 1, j, c)
     bottom = (i + 1 - x) * _texel(q, picture, i, j + 1, c) + (x - i) * _texel(q, picture, i + 1, j + 1, c)
     return (j + 1 - y) * top + (y - j) * bottom

@@ -17,7 +17,17 @@ from atmoref._jit import subroutine
 from atmoref.truth.beams_geometry import add, cross, dot, row, scaled, sees, subtract
 from atmoref.truth.beams_question import NO_FALLOFF
 
-__all__ = ["EDGE", "FULL", "Line", "cut_capacity", "find_pieces", "keep_cut", "line_from_light", "point_on", "sort_cuts"]
+__all__ = [
+    "EDGE",
+    "FULL",
+    "Line",
+    "cut_capacity",
+    "find_pieces",
+    "keep_cut",
+    "line_from_light",
+    "point_on",
+    "sort_cuts",
+]
 
 FULL = 2  # class of a piece: inside the inner cone (or no falloff), intensity constant
 EDGE = 1  # between inner and outer cone

@@ -184,14 +184,15 @@ def projector_share(texels, light, w, c):
 
 
 @subroutine
-def _lit_pieces(q, light, line, low, high, work):
+def _lit_pieces(q, light, line, low, high, end_slack, work):
     """Return how many pieces of a ray a projector lights, up to texels; -1 if they do not fit."""
+    end = high
     low, high = _picture_span(light, line, low, high)
     if not low < high:
         return 0
     bare = Light(light.position, light.axis, 0.0, math.pi, NO_FALLOFF, 1.0, light.intensity)
     pieces = find_pieces(q.objects, bare, line, low, high, work.cuts, work.ends, work.classes)
-    return shade_by_point(q.mesh, line, pieces, work)
+    return shade_by_point(q.mesh, line, pieces, work, end, end_slack)
 
 
 @subroutine
@@ -242,7 +243,9 @@ def _add_slack(mesh, medium, texels, light, line, pieces, work, error):
 
 
 @kernel
-def projectors_kernel(beam, error, counters, q, rule, quick, settings, work, starts, directions, ends, rounding):
+def projectors_kernel(
+    beam, error, counters, q, rule, quick, settings, work, starts, directions, ends, slacks, rounding
+):
     """Add the light (n, 3) of projectors scattered to the eye along rays up to their ends, and its error estimate.
 
     Return whether the work space was large enough; if not, what was added is worthless.
@@ -253,7 +256,7 @@ def projectors_kernel(beam, error, counters, q, rule, quick, settings, work, sta
         for which in range(q.projectors.shape[0]):
             light = projector_at(q.projectors, which)
             line = line_from_light(row(starts, i), row(directions, i), light.position)
-            pieces = _lit_pieces(q, light, line, -line.foot, ends[i] - line.foot, work)
+            pieces = _lit_pieces(q, light, line, -line.foot, ends[i] - line.foot, slacks[i], work)
             if pieces < 0:
                 return False
             n, cells, state = _panels_of(q.medium, q.texels, light, line, pieces, settings, work)

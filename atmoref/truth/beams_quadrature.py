@@ -46,7 +46,7 @@ _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
 
 @kernel
-def _spots_kernel(beam, error, counters, q, rule, settings, work, starts, directions, ends):
+def _spots_kernel(beam, error, counters, q, rule, settings, work, starts, directions, ends, slacks):
     """Add the light (n, 3) of spots scattered to the eye along rays up to their ends, and its error estimate.
 
     Return whether the work space was large enough; if not, what was added is worthless.
@@ -59,7 +59,7 @@ def _spots_kernel(beam, error, counters, q, rule, settings, work, starts, direct
             line = line_from_light(row(starts, i), row(directions, i), light.position)
             low, high = -line.foot, ends[i] - line.foot
             pieces = find_pieces(q.objects, light, line, low, high, work.cuts, work.ends, work.classes)
-            pieces = shade_by_point(q.mesh, line, pieces, work)
+            pieces = shade_by_point(q.mesh, line, pieces, work, high, slacks[i])
             if pieces < 0:
                 return False
             if pieces == 0:
@@ -103,12 +103,13 @@ def _solve_rays(
     d = directions / np.sqrt((directions * directions).sum(axis=1))[:, None]
     ends = limits.copy()
     hits = np.zeros((len(ends), 2), np.int64)
-    surfaces_kernel(out["surface"], ends, hits, q, starts, d)
+    slacks = np.zeros(len(ends))
+    surfaces_kernel(out["surface"], ends, slacks, hits, q, starts, d)
     if len(q.projectors) or len(q.suns):
         pictured_surfaces_kernel(out["surface"], ends, hits, q, starts, d)
     lines = [int(table[:, k : k + 2].sum(axis=1).max(initial=0)) for table, k in ((q.projectors, 16), (q.suns, 19))]
     room = _FIRST_SHADOWS if q.mesh else 0
-    while not _solve_beams(out, q, rule, settings, _workspace(q, settings, max(lines), room), starts, d, ends):
+    while not _solve_beams(out, q, rule, settings, _workspace(q, settings, max(lines), room), starts, d, ends, slacks):
         room = 4 * max(room, _FIRST_SHADOWS)
     rest = out["surface"] + _ambient(q.medium, ends)
     out["image"][:] = out["beam"] + rest
@@ -130,12 +131,13 @@ def _solve_beams(
     starts: NDArray[np.float64],
     directions: NDArray[np.float64],
     ends: NDArray[np.float64],
+    slacks: NDArray[np.float64],
 ) -> bool:
     """Set the beam terms of n rays and their errors; return whether the work space was large enough."""
     for name in ("beam", "error", "counters"):
         out[name][:] = 0
     tables = out["beam"], out["error"], out["counters"]
-    rays = starts, directions, ends
+    rays = starts, directions, ends, slacks
     if len(q.lights) and not _spots_kernel(*tables, q, rule, settings, work, *rays):
         return False
     quick = GAUSS_KRONROD_5 if settings.adaptive else rule

@@ -60,10 +60,7 @@ def _across(d, e):
     length = math.sqrt(dot(off, off))
     if length > 0.0:
         return scaled(off, 1.0 / length), length
-    if abs(d[0]) < 0.6:
-        off = cross(d, (1.0, 0.0, 0.0))
-    else:
-        off = cross(d, (0.0, 1.0, 0.0))
+    off = cross(d, (1.0, 0.0, 0.0)) if abs(d[0]) < 0.6 else cross(d, (0.0, 1.0, 0.0))
     return scaled(off, 1.0 / math.sqrt(dot(off, off))), 0.0
 
 
@@ -349,19 +346,31 @@ def subtract_shadows(shadows, n, pieces, ends, classes, slack):
 
 
 @subroutine
-def shade_by_point(mesh, line, pieces, work):
-    """Take what meshes shade from a point light out of the lit pieces in ``work``; return their number, -1 if too many."""
+def _mark_end(pieces, work, high, end_slack):
+    """Note the rounding error of the ray's own end where it is lit; return the number of pieces."""
+    if pieces > 0 and work.ends[pieces - 1, 1] == high:
+        work.slack[pieces - 1, 1] = end_slack
+    return pieces
+
+
+@subroutine
+def shade_by_point(mesh, line, pieces, work, high, end_slack):
+    """Take what meshes shade from a point light out of the lit pieces in ``work``; return their number, -1 if too many.
+
+    ``high`` is where the ray ends, ``end_slack`` the rounding error of that (0 where it is not a mesh's).
+    """
     if mesh is None or pieces == 0:
         return pieces
     n = find_shadows(mesh, point_fan(line), work.ends[0, 0], work.ends[pieces - 1, 1], work.shadows)
     if n < 0:
         return -1
-    return subtract_shadows(work.shadows, n, pieces, work.ends, work.classes, work.slack)
+    left = subtract_shadows(work.shadows, n, pieces, work.ends, work.classes, work.slack)
+    return _mark_end(left, work, high, end_slack)
 
 
 @subroutine
-def shade_by_sun(mesh, light, start, d, pieces, work):
-    """Take what meshes shade from a sun out of the lit pieces in ``work``; return their number, -1 if too many."""
+def shade_by_sun(mesh, light, start, d, pieces, work, high, end_slack):
+    """Take what meshes shade from a sun out of the lit pieces in ``work``; as :func:`shade_by_point`."""
     if mesh is None or pieces == 0:
         return pieces
     behind = dot(light.depth, light.center) if light.windowed else -1.0
@@ -369,4 +378,5 @@ def shade_by_sun(mesh, light, start, d, pieces, work):
     n = find_shadows(mesh, fan, work.ends[0, 0], work.ends[pieces - 1, 1], work.shadows)
     if n < 0:
         return -1
-    return subtract_shadows(work.shadows, n, pieces, work.ends, work.classes, work.slack)
+    left = subtract_shadows(work.shadows, n, pieces, work.ends, work.classes, work.slack)
+    return _mark_end(left, work, high, end_slack)

@@ -131,14 +131,14 @@ def _add_slack(mesh, medium, texels, light, ray, pieces, work, error):
 
 
 @subroutine
-def _lit_pieces(q, light, ray, end, work):
+def _lit_pieces(q, light, ray, end, end_slack, work):
     """Return how many pieces of a ray a sun lights, up to texels; -1 if they do not fit."""
     pieces = find_sun_pieces(q.objects, light, ray, 0.0, end, work.cuts, work.ends, work.classes)
-    return shade_by_sun(q.mesh, light, ray.start, ray.d, pieces, work)
+    return shade_by_sun(q.mesh, light, ray.start, ray.d, pieces, work, end, end_slack)
 
 
 @kernel
-def suns_kernel(beam, error, counters, q, work, starts, directions, ends, rounding):
+def suns_kernel(beam, error, counters, q, work, starts, directions, ends, slacks, rounding):
     """Add the light (n, 3) of suns scattered to the eye along rays up to their ends, and its error estimate.
 
     Return whether the work space was large enough; if not, what was added is worthless.
@@ -149,7 +149,7 @@ def suns_kernel(beam, error, counters, q, work, starts, directions, ends, roundi
         for which in range(q.suns.shape[0]):
             light = sun_at(q.suns, which)
             ray = sun_ray(light, row(starts, i), row(directions, i))
-            pieces = _lit_pieces(q, light, ray, ends[i], work)
+            pieces = _lit_pieces(q, light, ray, ends[i], slacks[i], work)
             if pieces == 0:
                 continue
             cells = _integrate(q.medium, q.texels, light, ray, pieces, work, value, estimate) if pieces > 0 else -1

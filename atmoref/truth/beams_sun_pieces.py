@@ -117,7 +117,9 @@ def _cut_at_boxes(objects, light, ray, cuts, n, low, high):
             y = a[1] if corner < 2 else b[1]
             z = a[2] if corner % 2 == 0 else b[2]
             n = keep_cut(cuts, n, _edge_root(light, ray, (a[0], y, z), (1.0, 0.0, 0.0)), low, high)
-            n = keep_cut(cuts, n, _edge_root(light, ray, (x, a[1], a[2] if corner < 2 else b[2]), (0.0, 1.0, 0.0)), low, high)
+            n = keep_cut(
+                cuts, n, _edge_root(light, ray, (x, a[1], a[2] if corner < 2 else b[2]), (0.0, 1.0, 0.0)), low, high
+            )
             n = keep_cut(cuts, n, _edge_root(light, ray, (x, y, a[2]), (0.0, 0.0, 1.0)), low, high)
     return n
 

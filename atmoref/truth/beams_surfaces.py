@@ -2,7 +2,8 @@
 # (kernels: Numba infers their types)
 """The first surface along each ray and the light that it sends to the eye.
 
-I_b = albedo/pi · sum over lights E max(0, cos): E = I_0 I_l H exp(-sigma_t s) / s² for point lights, E_0 I_l H for suns.
+I_b = albedo/pi · sum over lights E max(0, cos):
+    E = I_0 I_l H exp(-sigma_t s) / s² for point lights, E_0 I_l H for suns.
 
 Source: Dobashi, Yamamoto and Nishita 2002, eqs. (1)-(3) with errata D-E1, D-E2, D-E3, D-E13.
 """
@@ -31,6 +32,8 @@ from atmoref.truth.beams_projector import projector_share
 from atmoref.truth.beams_question import NO_FALLOFF, light_at
 from atmoref.truth.beams_sun import sun_share
 from atmoref.truth.beams_sun_pieces import sun_reaches
+
+_ROUND = 2e-15  # of a point on a mesh, relative to the numbers it comes from
 
 __all__ = ["pictured_surfaces_kernel", "surfaces_kernel"]
 
@@ -127,10 +130,11 @@ def _add_suns(surface, q, hit, distance, normal, albedo):
 
 
 @kernel
-def surfaces_kernel(surface, ends, hits, q, starts, directions):
+def surfaces_kernel(surface, ends, slacks, hits, q, starts, directions):
     """Shorten the rays to their first surface, and set the light (n, 3) of spots that it sends to the eye.
 
-    ``hits`` (n, 2) is set to kind and index of the surface.
+    ``hits`` (n, 2) is set to kind and index of the surface, ``slacks`` (n,) to the rounding error (m) of the distance
+    to a mesh, 0 for other surfaces.
     """
     for i in range(starts.shape[0]):
         for c in range(3):
@@ -146,6 +150,9 @@ def surfaces_kernel(surface, ends, hits, q, starts, directions):
         ends[i] = distance
         p = add(start, scaled(d, distance))
         normal, albedo = normal_and_albedo(q.objects, q.mesh, p, kind, index, d)
+        if kind == MESH:
+            size = distance + abs(p[0]) + abs(p[1]) + abs(p[2])
+            slacks[i] = _ROUND * size / max(abs(dot(normal, d)), 1e-9)
         _add_spots(surface[i], q, (p, kind, index), distance, normal, albedo)
 
 

@@ -40,7 +40,9 @@ def _lights(random):
 
 def _triangles(random, n=30):
     corners = random.normal(size=(n, 1, 3)) * 5.0 + np.array([0.0, 8.0, 0.0])
-    return (corners + random.normal(size=(n, 3, 3)) * 2.0).reshape(-1, 3), np.arange(3 * n, dtype=np.int32).reshape(n, 3)
+    return (corners + random.normal(size=(n, 3, 3)) * 2.0).reshape(-1, 3), np.arange(3 * n, dtype=np.int32).reshape(
+        n, 3
+    )
 
 
 @PROFILE

@@ -76,7 +76,14 @@ def test_a_ball_of_triangles_tends_to_the_sphere(light):
     assert np.allclose(orders, 2.0, atol=0.5), (errors, orders)
 
 
-LEAK_DIRECTIONS = [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 0.0, -1.0), (2.0, 0.0, 1.0), (3.0, 0.1, 7.0)]
+LEAK_DIRECTIONS = [
+    (1.0, 0.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (1.0, 0.0, 1.0),
+    (1.0, 0.0, -1.0),
+    (2.0, 0.0, 1.0),
+    (3.0, 0.1, 7.0),
+]
 
 
 @pytest.mark.parametrize("flat", [True, False])
@@ -159,7 +166,9 @@ def test_triangles_without_area_do_nothing():
     vertices = np.array([*point, *needle])
     for light in (spot(), sun(), sun((0.0, -1.0, 0.0))):
         plain = truth.solve(scene([light], [ground()]))
-        odd = truth.solve(with_files(scene([light], [ground(), mesh()]), triangles={1: (vertices, np.arange(6).reshape(2, 3))}))
+        odd = truth.solve(
+            with_files(scene([light], [ground(), mesh()]), triangles={1: (vertices, np.arange(6).reshape(2, 3))})
+        )
         np.testing.assert_allclose(odd.image, plain.image, rtol=1e-9)
         assert np.isfinite(odd.error).all()
 
@@ -182,13 +191,15 @@ def test_more_shadows_than_there_is_room_for_are_found():
 
 def test_the_error_covers_what_rounding_moves():
     """The same scene a million metres away: shadow edges move by rounding, and the estimate says so."""
+
     def make(far):
         shift = np.array([far, far, far])
         vertices, faces = field_triangles(8.0 * np.random.default_rng(4).random((9, 9)), 2.0, (far, far, far))
-        camera = {"position_m": tuple(np.array([0.0, 14.0, -45.0]) + shift), "look_at_m": tuple(np.array([0.0, 5.0, 0.0]) + shift)}
-        return with_files(
-            scene([sun((0.3, -1.0, 0.2))], [mesh()], camera=camera), triangles={0: (vertices, faces)}
-        )
+        camera = {
+            "position_m": tuple(np.array([0.0, 14.0, -45.0]) + shift),
+            "look_at_m": tuple(np.array([0.0, 5.0, 0.0]) + shift),
+        }
+        return with_files(scene([sun((0.3, -1.0, 0.2))], [mesh()], camera=camera), triangles={0: (vertices, faces)})
 
     near, far = truth.solve(make(0.0)), truth.solve(make(2.0**20))
     moved = abs(near.buffers["beam"] - far.buffers["beam"])

@@ -75,7 +75,9 @@ def test_one_bright_texel_lights_where_the_picture_says(across):
 
     def f(k):
         place = (k, z) if across else (x, k)
-        share = max(0.0, 1.0 - abs(place[0] - x) / 2.0) * (1.0 if place[1] > z else max(0.0, 1.0 - (z - place[1]) / 2.0))
+        share = max(0.0, 1.0 - abs(place[0] - x) / 2.0) * (
+            1.0 if place[1] > z else max(0.0, 1.0 - (z - place[1]) / 2.0)
+        )
         return share / (100.0 + place[0] ** 2 + place[1] ** 2)
 
     exact = 1000.0 * 0.9e-12 / (4.0 * math.pi) * float(mpmath.quad(f, [1.0, 3.0, 5.0] if across else [1.0, 3.0, 4.0]))
@@ -126,7 +128,10 @@ def test_a_picture_finer_than_the_ray_is_its_mean():
     board = np.indices((512, 512)).sum(axis=0) % 2
     s = with_files(scene([projector()], [ground()]), {0: np.repeat(board[..., None], 3, axis=2).astype(float)})
     grey = with_files(scene([projector()], [ground()]), {0: np.full((1, 1, 3), 0.5)})
-    a, b = truth.solve(s, crop=(10, 20, 10, 10)).buffers["beam"], truth.solve(grey, crop=(10, 20, 10, 10)).buffers["beam"]
+    a, b = (
+        truth.solve(s, crop=(10, 20, 10, 10)).buffers["beam"],
+        truth.solve(grey, crop=(10, 20, 10, 10)).buffers["beam"],
+    )
     np.testing.assert_allclose(a, b, rtol=2e-2)
 
 

@@ -78,7 +78,9 @@ def test_a_window_with_one_bright_texel_is_a_tent(texel):
     picture[texel] = (1.0, 0.5, 0.25)
     s = scene([sun((0.0, -1.0, 0.0), window=window((0.0, 9.0, 0.0), (8.0, 0.0, 0.0), (0.0, 0.0, 6.0), 0.5))])
     with_files(s, {0: picture})
-    z = 3.0 - 2.0 * (texel[0] + 0.5) + 0.3  # 0.15 texels from the row's middle: factor 0.85, or 1 beyond the last middle
+    z = (
+        3.0 - 2.0 * (texel[0] + 0.5) + 0.3
+    )  # 0.15 texels from the row's middle: factor 0.85, or 1 beyond the last middle
     beam, _ = _along(s, (-20.0, 2.0, z), (1.0, 0.0, 0.0), 40.0)
     column = -4.0 + 2.0 * (texel[1] + 0.5)
     high = 0.85 if texel[0] > 0 else 1.0

@@ -75,9 +75,7 @@ def field_triangles(heights: np.ndarray, cell=1.0, center=(0.0, 0.0, 0.0)) -> tu
     z = center[2] + (np.arange(rows) - (rows - 1) / 2) * cell
     vertices = np.stack([np.tile(x, rows), center[1] + heights.ravel(), np.repeat(z, columns)], axis=1)
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    faces = np.concatenate(
-        [np.stack([a, a + columns, a + columns + 1], 1), np.stack([a, a + columns + 1, a + 1], 1)]
-    )
+    faces = np.concatenate([np.stack([a, a + columns, a + columns + 1], 1), np.stack([a, a + columns + 1, a + 1], 1)])
     return vertices, faces.astype(np.int32)
 
 
@@ -208,7 +206,7 @@ def blocked(vertices: np.ndarray, faces: np.ndarray, a: np.ndarray, b: np.ndarra
 
 
 def pictured() -> Any:
-    """Return a projector, a bare sun and one through a leaning window, with coloured pictures, solids, three colours."""
+    """Return a projector, a bare sun, one through a leaning window, coloured pictures, solids, three colours."""
     random = np.random.default_rng(3)
     glass = random.random((7, 5, 3))
     glass[2:5, 1:4] = 0.0  # a black part
