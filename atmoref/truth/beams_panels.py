@@ -150,11 +150,11 @@ def _halfway(a, b):
 
 
 @subroutine
-def _good(value, error, noise, allowance, rtol, groups):
-    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole, or is rounding."""
+def _good(value, error, noise, noise_share, allowance, rtol, groups):
+    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole, or a share of its rounding."""
     good = True
     for i in range(groups):
-        good &= error[i] <= max(0.5 * rtol * (value[i] + allowance[i]), noise[i]) + _FLOOR
+        good &= error[i] <= max(0.5 * rtol * (value[i] + allowance[i]), noise_share * noise[i]) + _FLOOR
     return good
 
 
@@ -170,13 +170,16 @@ def _sum(work, n, groups, factor, value, error):
         error[i] *= factor
 
 
-def integrator(panel):
+def integrator(panel, noise_share):
     """Return the adaptive integration of an integrand.
 
     Parameters
     ----------
     panel
         A subroutine ``panel(medium, r, rule, a, b, sign, kind, value, error, noise)`` that integrates one panel.
+    noise_share
+        A panel is good as well if its error is below this share of its rounding. Where an integrand has no relative
+        precision (a picture's next to black), halving would have no end without it.
 
     Returns
     -------
@@ -205,7 +208,7 @@ def integrator(panel):
                 allowance[i] = share * whole[i]
             middle = _halfway(a, b)
             stuck = height + 2 > _STACK or share < 2.0**-_MAX_DEPTH or not a < middle < b
-            if stuck or _good(value, error, noise, allowance, settings.rtol, groups):
+            if stuck or _good(value, error, noise, noise_share, allowance, settings.rtol, groups):
                 for i in range(groups):
                     work.value[p, i] += value[i]
                     work.error[p, i] += error[i]
@@ -233,7 +236,7 @@ def integrator(panel):
         computed = n
         if settings.adaptive:
             for p in range(n):
-                if not _good(work.value[p], work.error[p], work.noise[p], whole, settings.rtol, groups):
+                if not _good(work.value[p], work.error[p], work.noise[p], noise_share, whole, settings.rtol, groups):
                     computed += refine(
                         medium, r, rule, settings, work, p, groups, whole, value, error, work.scratch[1],
                         work.scratch[2],

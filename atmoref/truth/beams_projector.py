@@ -158,7 +158,7 @@ def _panel(medium, r, rule, a, b, sign, cell, value, error, noise):
     noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
 
 
-_integrate_panels = integrator(_panel)
+_integrate_panels = integrator(_panel, 1.0)
 
 
 @subroutine
