@@ -151,7 +151,7 @@ def _halfway(a, b):
 
 @subroutine
 def _good(value, error, noise, noise_share, allowance, rtol, groups):
-    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole, or a share of its rounding."""
+    """Tell whether a panel is within half of rtol of itself plus its share of the whole, or its error is rounding."""
     good = True
     for i in range(groups):
         good &= error[i] <= max(0.5 * rtol * (value[i] + allowance[i]), noise_share * noise[i]) + _FLOOR
