@@ -45,7 +45,7 @@ def solve_beams(
     else:
         size = (height, width)
         out = monte_carlo(q, size, part, samples=samples, seed=seed, rtol=rtol, threads=threads, progress=progress)
-        stats = _monte_carlo_stats(out, len(q.lights))
+        stats = _monte_carlo_stats(out, len(scene.lights))
     stats["seconds"] = time.perf_counter() - wall
     stats["cpu_seconds"] = time.process_time() - cpu
     return Result(

@@ -11,13 +11,16 @@ from __future__ import annotations
 import math
 
 from atmoref._jit import subroutine
+from atmoref.truth.beams_mesh import nearest_triangle, triangle_surface
 
 __all__ = [
     "BOX",
     "GROUND",
+    "MESH",
     "NOTHING",
     "SPHERE",
     "add",
+    "box_span",
     "cross",
     "dot",
     "nearest_hit",
@@ -32,6 +35,7 @@ NOTHING = 0
 SPHERE = 1
 BOX = 2
 GROUND = 3
+MESH = 4
 
 _TOUCH = 1e-12  # relative: a segment that only grazes, starts or ends on a surface is not blocked by it
 
@@ -91,7 +95,7 @@ def _sphere_distance(start, d, center, radius):
 
 
 @subroutine
-def _box_span(start, d, low, high):
+def box_span(start, d, low, high):
     """Return where a line enters and leaves a box (parameters of ``d``); enter > leave if it misses."""
     enter = -math.inf
     leave = math.inf
@@ -108,7 +112,7 @@ def _box_span(start, d, low, high):
 
 
 @subroutine
-def nearest_hit(objects, start, d):
+def nearest_hit(objects, mesh, start, d):
     """Return (T, kind, index) of the first surface along a ray with unit direction; T is infinite for none."""
     best = math.inf
     kind = NOTHING
@@ -118,7 +122,7 @@ def nearest_hit(objects, start, d):
         if t < best:
             best, kind, index = t, SPHERE, i
     for i in range(objects.boxes.shape[0]):
-        enter, leave = _box_span(start, d, row(objects.boxes, i), row(objects.boxes, i, 3))
+        enter, leave = box_span(start, d, row(objects.boxes, i), row(objects.boxes, i, 3))
         if enter < leave and leave > 0.0:
             t = enter if enter > 0.0 else leave
             if t < best:
@@ -128,6 +132,9 @@ def nearest_hit(objects, start, d):
             t = (objects.grounds[i, 0] - start[1]) / d[1]
             if 0.0 < t < best:
                 best, kind, index = t, GROUND, i
+    t, triangle = nearest_triangle(mesh, start, d, best)
+    if triangle >= 0:
+        best, kind, index = t, MESH, triangle
     return best, kind, index
 
 
@@ -150,8 +157,10 @@ def _box_normal(p, low, high):
 
 
 @subroutine
-def normal_and_albedo(objects, p, kind, index, d):
-    """Return the outward unit normal (of the ground: towards the eye) and the albedo of the surface at ``p``."""
+def normal_and_albedo(objects, mesh, p, kind, index, d):
+    """Return the outward unit normal and the albedo of the surface at ``p``; of grounds and meshes towards the eye."""
+    if kind == MESH:
+        return triangle_surface(mesh, index, d)
     if kind == SPHERE:
         n = subtract(p, row(objects.spheres, index))
         return scaled(n, 1.0 / math.sqrt(dot(n, n))), row(objects.spheres, index, 4)
@@ -172,7 +181,10 @@ def _sphere_blocks(light, w, center, radius):
 
 @subroutine
 def sees(objects, light, p, skip_kind, skip_index):
-    """Tell whether the light (a point) sees ``p``: the open segment meets no object, leaving out the one named."""
+    """Tell whether the light (a point) sees ``p``: the open segment meets no object, leaving out the one named.
+
+    Meshes are not looked at.
+    """
     w = subtract(p, light)
     for i in range(objects.grounds.shape[0]):
         side = (light[1] - objects.grounds[i, 0]) * (p[1] - objects.grounds[i, 0])
@@ -183,7 +195,7 @@ def sees(objects, light, p, skip_kind, skip_index):
         if blocked and not (skip_kind == SPHERE and skip_index == i):
             return False
     for i in range(objects.boxes.shape[0]):
-        enter, leave = _box_span(light, w, row(objects.boxes, i), row(objects.boxes, i, 3))
+        enter, leave = box_span(light, w, row(objects.boxes, i), row(objects.boxes, i, 3))
         blocked = max(enter, 0.0) + _TOUCH < min(leave, 1.0)
         if blocked and not (skip_kind == BOX and skip_index == i):
             return False

@@ -22,65 +22,17 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from atmoref._jit import subroutine
 from atmoref.optics.phase_functions import phase
 from atmoref.truth.beams_geometry import cross, dot
+from atmoref.truth.beams_panels import first_panels, integrator, least_extinctions
 from atmoref.truth.beams_pieces import EDGE
 from atmoref.truth.beams_question import LINEAR_ANGLE
 
-__all__ = ["MAX_PANELS_PER_PIECE", "Panels", "Settings", "integrate_pieces", "light_distribution", "workspace"]
+__all__ = ["add_slack", "integrate_pieces", "light_distribution"]
 
-MAX_PANELS_PER_PIECE = 16
-_STACK = 96
-_MAX_DEPTH = 60
-_CHOP = 32.0  # no first panel spans more than this ratio of theta
-_NEGLIGIBLE = 80.0  # optical depth: exp(-80) = 2e-35
-_PEAK = 1e-3  # theta within which every phase function of a scene is flat
-_FLOOR = 1e-300  # absolute: below this nothing is refined
 _ULP = 2.220446049250313e-16
 _ULPS = 2.0  # of rounding in one value of the integrand, apart from what its conditioning makes of it
-
-
-class Settings(NamedTuple):
-    """How finely to integrate; beyond ``rtol`` these are for cross-checks."""
-
-    rtol: float
-    first_split: int  # equal parts of every first panel
-    adaptive: bool
-
-
-class Panels(NamedTuple):
-    """Work space: first panels, their values and errors per distinct extinction, and the refinement stack."""
-
-    cuts: np.ndarray
-    ends: np.ndarray
-    classes: np.ndarray
-    span: np.ndarray  # (n, 3) a, b, sign of u
-    kind: np.ndarray  # (n,)
-    value: np.ndarray  # (n, 3)
-    error: np.ndarray  # (n, 3) difference of the two rules
-    noise: np.ndarray  # (n, 3) rounding
-    stack: np.ndarray  # (_STACK, 3) a, b, share of the tolerance
-    scratch: np.ndarray  # (5, 3)
-
-
-def workspace(capacity: int, first_split: int) -> Panels:
-    """Return the work space of one thread for rays with at most ``capacity`` cuts."""
-    n = (capacity + 1) * MAX_PANELS_PER_PIECE * first_split
-    return Panels(
-        cuts=np.zeros(capacity),
-        ends=np.zeros((capacity + 1, 2)),
-        classes=np.zeros(capacity + 1, np.int64),
-        span=np.zeros((n, 3)),
-        kind=np.zeros(n, np.int64),
-        value=np.zeros((n, 3)),
-        error=np.zeros((n, 3)),
-        noise=np.zeros((n, 3)),
-        stack=np.zeros((_STACK, 3)),
-        scratch=np.zeros((5, 3)),
-    )
 
 
 class _Ray(NamedTuple):
@@ -205,97 +157,7 @@ def _panel(medium, r, rule, a, b, sign, kind, value, error, noise):
     noise[0], noise[1], noise[2] = half * n0, half * n1, half * n2
 
 
-@subroutine
-def _angle(v, u):
-    """Return theta at |u|, or 1/|u| where v = 0; infinite only for v = u = 0."""
-    return math.atan2(v, abs(u)) if v > 0.0 else 1.0 / abs(u)
-
-
-@subroutine
-def _first_panels(v, least, thin, start, end, kind, settings, work, n):
-    """Append the first panels of a lit piece [start, end] of u, which lies on one side of 0; return the new count.
-
-    Panels shrink towards theta = 0 until nothing is left to change there: the phase function's peak (wider than
-    1e-3), and for u > 0 the layers, as wide as sigma_t v, in which the exponentials die. ``least`` is the least
-    extinction, ``thin`` the least that is not 0, if there is one. -1 means that the piece contains the light itself:
-    its radiance is infinite.
-    """
-    sign = 1.0 if end > 0.0 else -1.0
-    a = _angle(v, end) if sign > 0.0 else _angle(v, start)
-    b = _angle(v, start) if sign > 0.0 else _angle(v, end)
-    if b == math.inf:
-        return -1
-    scale = v if v > 0.0 else 1.0
-    if sign > 0.0 and least > 0.0:
-        a = max(a, 1.0 / (1.0 / b + 0.5 * _NEGLIGIBLE / (least * scale)))
-    quiet = _PEAK if v > 0.0 else math.inf
-    if sign > 0.0 and thin < math.inf:
-        quiet = min(quiet, thin * scale * 2.0 / _NEGLIGIBLE)
-    top = b
-    for level in range(MAX_PANELS_PER_PIECE):
-        last = level == MAX_PANELS_PER_PIECE - 1 or top <= _CHOP * a or top < quiet
-        bottom = a if last else top / _CHOP
-        for j in range(settings.first_split):
-            work.span[n, 0] = bottom + (top - bottom) * j / settings.first_split
-            work.span[n, 1] = bottom + (top - bottom) * (j + 1) / settings.first_split
-            work.span[n, 2] = sign
-            work.kind[n] = kind
-            n += 1
-        if last:
-            break
-        top = bottom
-    return n
-
-
-@subroutine
-def _halfway(a, b):
-    """Return where to divide a panel: in the geometric middle if it spans a large ratio."""
-    if b > 4.0 * a:
-        return max(math.sqrt(a * b), b / 64.0)
-    return 0.5 * (a + b)
-
-
-@subroutine
-def _good(value, error, allowance, rtol, groups):
-    """Tell whether a panel's error is within half of rtol times itself plus its share of the whole."""
-    good = True
-    for i in range(groups):
-        good &= error[i] <= 0.5 * rtol * (value[i] + allowance[i]) + _FLOOR
-    return good
-
-
-@subroutine
-def _refine(medium, r, rule, settings, work, p, whole, value, error, allowance, noise):
-    """Divide panel ``p`` until it is good; replace its value, error and noise; return the panels computed."""
-    groups = medium.groups
-    sign = work.span[p, 2]
-    kind = work.kind[p]
-    work.stack[0, 0], work.stack[0, 1], work.stack[0, 2] = work.span[p, 0], work.span[p, 1], 1.0
-    for i in range(groups):
-        work.value[p, i] = 0.0
-        work.error[p, i] = 0.0
-        work.noise[p, i] = 0.0
-    height = 1
-    computed = 0
-    while height > 0:
-        height -= 1
-        a, b, share = work.stack[height, 0], work.stack[height, 1], work.stack[height, 2]
-        _panel(medium, r, rule, a, b, sign, kind, value, error, noise)
-        computed += 1
-        for i in range(groups):
-            allowance[i] = share * whole[i]
-        middle = _halfway(a, b)
-        stuck = height + 2 > _STACK or share < 2.0**-_MAX_DEPTH or not a < middle < b
-        if stuck or _good(value, error, allowance, settings.rtol, groups):
-            for i in range(groups):
-                work.value[p, i] += value[i]
-                work.error[p, i] += error[i]
-                work.noise[p, i] += noise[i]
-            continue
-        work.stack[height, 0], work.stack[height, 1], work.stack[height, 2] = a, middle, 0.5 * share
-        work.stack[height + 1, 0], work.stack[height + 1, 1], work.stack[height + 1, 2] = middle, b, 0.5 * share
-        height += 2
-    return computed
+_integrate_panels = integrator(_panel, 0.0)
 
 
 @subroutine
@@ -319,47 +181,34 @@ def integrate_pieces(medium, light, line, pieces, rule, settings, work, value, e
     panels
         How many panels were computed.
     """
-    groups = medium.groups
-    least = thin = math.inf
-    for i in range(groups):
-        least = min(least, medium.distinct[i])
-        if medium.distinct[i] > 0.0:
-            thin = min(thin, medium.distinct[i])
+    least, thin = least_extinctions(medium)
     n = 0
     for i in range(pieces):
-        n = _first_panels(line.v, least, thin, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
+        n = first_panels(line.v, least, thin, work.ends[i, 0], work.ends[i, 1], work.classes[i], settings, work, n)
         if n < 0:
             for c in range(3):
                 value[c] = math.inf
                 error[c] = 0.0
             return 0
     r = _ray_constants(medium, light, line)
-    whole = work.scratch[0]
-    for i in range(3):
-        whole[i] = 0.0
-    for p in range(n):
-        a, b, sign = work.span[p, 0], work.span[p, 1], work.span[p, 2]
-        _panel(medium, r, rule, a, b, sign, work.kind[p], work.value[p], work.error[p], work.noise[p])
-        for i in range(groups):
-            whole[i] += work.value[p, i] / n
-    computed = n
-    if settings.adaptive:
-        for p in range(n):
-            if not _good(work.value[p], work.error[p], whole, settings.rtol, groups):
-                computed += _refine(
-                    medium, r, rule, settings, work, p, whole, value, error, work.scratch[1], work.scratch[2]
-                )
-    _sum(work, n, groups, 1.0 / line.v if line.v > 0.0 else 1.0, value, error)
-    return computed
+    factor = 1.0 / line.v if line.v > 0.0 else 1.0
+    return _integrate_panels(medium, r, rule, rule, settings, work, n, medium.groups, factor, value, error)
 
 
 @subroutine
-def _sum(work, n, groups, factor, value, error):
-    for i in range(groups):
-        value[i] = 0.0
-        error[i] = 0.0
-        for p in range(n):
-            value[i] += work.value[p, i]
-            error[i] += work.error[p, i] + work.noise[p, i]
-        value[i] *= factor
-        error[i] *= factor
+def add_slack(mesh, medium, light, line, pieces, work, error):
+    """Add to ``error`` (3,), per distinct extinction, what rounding of the ends of meshes' shadows can change."""
+    if mesh is None:
+        return
+    r = _ray_constants(medium, light, line)
+    for i in range(pieces):
+        for side in range(2):
+            slack = work.slack[i, side]
+            if slack > 0.0:
+                u = work.ends[i, side]
+                s = math.sqrt(line.v * line.v + u * u)
+                f = slack * phase(r.kind, r.g, -u / s) / (s * s)
+                if work.classes[i] == EDGE:
+                    f *= _share_at(r, line.v / s, u / s)[0]
+                for c in range(medium.groups):
+                    error[c] += f * math.exp(-medium.distinct[c] * max(s + u + line.foot, 0.0))

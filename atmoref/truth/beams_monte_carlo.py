@@ -25,6 +25,8 @@ from atmoref._jit import kernel, subroutine
 from atmoref.optics.phase_functions import phase
 from atmoref.transport.random_numbers import uniform_pair
 from atmoref.transport.samplers import equiangular
+from atmoref.truth.beams_light_maps import projector_at, sun_at
+from atmoref.truth.beams_monte_carlo_geometry import first_surface, sun_visible, visible
 from atmoref.truth.beams_question import LINEAR_ANGLE, NO_FALLOFF, Question, light_at
 from atmoref.truth.rows import Crop, Progress, run_rows
 
@@ -34,96 +36,7 @@ BATCH = 16
 """Samples in one batch, one in each sixteenth of the ray's angle."""
 
 _FIRST_STOP = 4  # batches
-_END = 1e-9  # relative: crossings this near to a segment's end are its own surface
 _LEAST_OFFSET_M = 1e-9
-
-
-@subroutine
-def _crosses_sphere(a, d, spheres, i, low, high):
-    """Return the least crossing parameter in (low, high) of a + k d with a sphere's surface; infinite for none."""
-    x, y, z = a[0] - spheres[i, 0], a[1] - spheres[i, 1], a[2] - spheres[i, 2]
-    square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    b = 2.0 * (x * d[0] + y * d[1] + z * d[2])
-    c = x * x + y * y + z * z - spheres[i, 3] * spheres[i, 3]
-    root = b * b - 4.0 * square * c
-    if root <= 0.0:
-        return math.inf
-    first = (-b - math.sqrt(root)) / (2.0 * square)
-    second = (-b + math.sqrt(root)) / (2.0 * square)
-    if low < first < high:
-        return first
-    return second if low < second < high else math.inf
-
-
-@subroutine
-def _crosses_box(a, d, boxes, i, low, high):
-    """Return the least crossing parameter in (low, high) of a + k d with one of a box's six faces, and its axis."""
-    best = math.inf
-    axis = 0
-    for k in range(6):
-        n = k // 2
-        plane = boxes[i, n] if k % 2 == 0 else boxes[i, n + 3]
-        if d[n] == 0.0:
-            continue
-        t = (plane - a[n]) / d[n]
-        j, m = (n + 1) % 3, (n + 2) % 3
-        p = a[j] + t * d[j]
-        r = a[m] + t * d[m]
-        inside = boxes[i, j] < p < boxes[i, j + 3] and boxes[i, m] < r < boxes[i, m + 3]
-        if inside and low < t < high and t < best:
-            best, axis = t, n
-    return best, axis
-
-
-@subroutine
-def _visible(objects, a, b):
-    """Tell whether nothing crosses the segment between two points; surfaces at its ends do not count."""
-    d = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
-    high = 1.0 - _END
-    for i in range(objects.spheres.shape[0]):
-        if _crosses_sphere(a, d, objects.spheres, i, _END, high) < high:
-            return False
-    for i in range(objects.boxes.shape[0]):
-        if _crosses_box(a, d, objects.boxes, i, _END, high)[0] < high:
-            return False
-    for i in range(objects.grounds.shape[0]):
-        h = objects.grounds[i, 0]
-        if abs(b[1] - h) > _END * abs(d[1]) and (a[1] < h) != (b[1] < h):
-            return False
-    return True
-
-
-@subroutine
-def _first_surface(objects, a, d):
-    """Return distance, normal facing the eye, and albedo of the first surface from ``a`` along unit ``d``."""
-    best = math.inf
-    normal = (0.0, 0.0, 0.0)
-    albedo = (0.0, 0.0, 0.0)
-    for i in range(objects.spheres.shape[0]):
-        t = _crosses_sphere(a, d, objects.spheres, i, 0.0, best)
-        if t < best:
-            best = t
-            o = objects.spheres[i]
-            normal = (
-                (a[0] + t * d[0] - o[0]) / o[3],
-                (a[1] + t * d[1] - o[1]) / o[3],
-                (a[2] + t * d[2] - o[2]) / o[3],
-            )
-            albedo = (o[4], o[5], o[6])
-    for i in range(objects.boxes.shape[0]):
-        t, n = _crosses_box(a, d, objects.boxes, i, 0.0, best)
-        if t < best:
-            best = t
-            face = -1.0 if d[n] > 0.0 else 1.0
-            normal = (face if n == 0 else 0.0, face if n == 1 else 0.0, face if n == 2 else 0.0)
-            albedo = (objects.boxes[i, 6], objects.boxes[i, 7], objects.boxes[i, 8])
-    for i in range(objects.grounds.shape[0]):
-        t = (objects.grounds[i, 0] - a[1]) / d[1] if d[1] != 0.0 else math.inf
-        if 0.0 < t < best:
-            best = t
-            normal = (0.0, 1.0 if d[1] < 0.0 else -1.0, 0.0)
-            albedo = (objects.grounds[i, 1], objects.grounds[i, 2], objects.grounds[i, 3])
-    return best, normal, albedo
 
 
 @subroutine
@@ -145,6 +58,51 @@ def _emitted(light, x, y, z):
 
 
 @subroutine
+def _texel(q, picture, column, line, c):
+    """Return a texel of a picture; beyond its edges the nearest."""
+    column = min(max(column, 0), picture.width - 1)
+    line = min(max(line, 0), picture.height - 1)
+    return q.texels[picture.first + (line + 1) * (picture.width + 2) + column + 1, c]
+
+
+@subroutine
+def _looked_up(q, picture, u, v, c):
+    """Return a picture at u (from the left) and v (from the top), bilinear; 0 outside the unit square."""
+    if u < 0.0 or u > 1.0 or v < 0.0 or v > 1.0:
+        return 0.0
+    x, y = u * picture.width - 0.5, v * picture.height - 0.5
+    i, j = math.floor(x), math.floor(y)
+    top = (i + 1 - x) * _texel(q, picture, i, j, c) + (x - i) * _texel(q, picture, i + 1, j, c)
+    bottom = (i + 1 - x) * _texel(q, picture, i, j + 1, c) + (x - i) * _texel(q, picture, i + 1, j + 1, c)
+    return (j + 1 - y) * top + (y - j) * bottom
+
+
+@subroutine
+def _projected(q, light, x, y, z, c):
+    """Return I_l of a projector towards a direction (any length)."""
+    along = light.axis[0] * x + light.axis[1] * y + light.axis[2] * z
+    if along <= 0.0:
+        return 0.0
+    u = 0.5 + (light.across[0] * x + light.across[1] * y + light.across[2] * z) / along
+    v = 0.5 + (light.down[0] * x + light.down[1] * y + light.down[2] * z) / along
+    return _looked_up(q, light.picture, u, v, c)
+
+
+@subroutine
+def _glass(q, light, p, c):
+    """Return I_l of a sun at a place, and how far behind its window that is (infinite without)."""
+    if not light.windowed:
+        return q.texels[light.picture.first, c], math.inf
+    x, y, z = p[0] - light.center[0], p[1] - light.center[1], p[2] - light.center[2]
+    reach = light.depth[0] * x + light.depth[1] * y + light.depth[2] * z
+    if reach < 0.0:
+        return 0.0, reach
+    u = 0.5 + light.across[0] * x + light.across[1] * y + light.across[2] * z
+    v = 0.5 + light.down[0] * x + light.down[1] * y + light.down[2] * z
+    return _looked_up(q, light.picture, u, v, c), reach
+
+
+@subroutine
 def _reflected(q, a, d, distance, normal, albedo, out):
     """Set what the first surface sends to the eye: a finite sum over lights, nothing to sample."""
     out[:] = 0.0
@@ -157,35 +115,115 @@ def _reflected(q, a, d, distance, normal, albedo, out):
         s = math.sqrt(x * x + y * y + z * z)
         cosine = -(x * normal[0] + y * normal[1] + z * normal[2]) / s
         emitted = _emitted(light, x, y, z)
-        if cosine <= 0.0 or emitted == 0.0 or not _visible(q.objects, light.position, p):
+        if cosine <= 0.0 or emitted == 0.0 or not visible(q.objects, q.mesh, light.position, p):
             continue
         for c in range(3):
             irradiance = light.intensity[c] * emitted * cosine * math.exp(-q.medium.extinction[c] * s) / (s * s)
             out[c] += albedo[c] / math.pi * irradiance * math.exp(-q.medium.extinction[c] * distance)
+    _reflected_pictures(q, p, distance, normal, albedo, out)
 
 
 @subroutine
-def _sample(q, light, a, d, distance, xi, out):
-    """Add to ``out`` (3,) one sample of the light scattered along a ray, divided by its density."""
-    to = (light.position[0] - a[0], light.position[1] - a[1], light.position[2] - a[2])
+def _reflected_pictures(q, p, distance, normal, albedo, out):
+    """Add what the surface at ``p`` sends to the eye from projectors and suns."""
+    for which in range(q.projectors.shape[0]):
+        light = projector_at(q.projectors, which)
+        x, y, z = p[0] - light.position[0], p[1] - light.position[1], p[2] - light.position[2]
+        s = math.sqrt(x * x + y * y + z * z)
+        cosine = -(x * normal[0] + y * normal[1] + z * normal[2]) / s
+        if cosine <= 0.0 or not visible(q.objects, q.mesh, light.position, p):
+            continue
+        for c in range(3):
+            emitted = light.intensity[c] * _projected(q, light, x, y, z, c)
+            dim = math.exp(-q.medium.extinction[c] * (s + distance))
+            out[c] += albedo[c] / math.pi * emitted * cosine * dim / (s * s)
+    for which in range(q.suns.shape[0]):
+        sun = sun_at(q.suns, which)
+        cosine = -(sun.axis[0] * normal[0] + sun.axis[1] * normal[1] + sun.axis[2] * normal[2])
+        reach = _glass(q, sun, p, 0)[1]
+        if cosine <= 0.0 or reach < 0.0 or not sun_visible(q.objects, q.mesh, p, sun.axis, reach, distance):
+            continue
+        for c in range(3):
+            dim = math.exp(-q.medium.extinction[c] * distance)
+            out[c] += albedo[c] / math.pi * sun.irradiance[c] * _glass(q, sun, p, c)[0] * cosine * dim
+
+
+@subroutine
+def _towards(position, a, d, distance, xi):
+    """Return a place on a ray by equiangular sampling of a point light.
+
+    The place, the way there from the light, its distance from the eye, its distance from the light squared, and the
+    density.
+    """
+    to = (position[0] - a[0], position[1] - a[1], position[2] - a[2])
     foot = to[0] * d[0] + to[1] * d[1] + to[2] * d[2]
     off = (to[0] - foot * d[0], to[1] - foot * d[1], to[2] - foot * d[2])
     v = max(math.sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]), _LEAST_OFFSET_M)
     u, density = equiangular(xi, v, -foot, distance - foot)
     t = foot + u
     p = (a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2])
-    x, y, z = p[0] - light.position[0], p[1] - light.position[1], p[2] - light.position[2]
-    ss = x * x + y * y + z * z
+    w = (p[0] - position[0], p[1] - position[1], p[2] - position[2])
+    return p, w, t, w[0] * w[0] + w[1] * w[1] + w[2] * w[2], density
+
+
+@subroutine
+def _scattered(medium, w, s, d):
+    """Return the phase function for light that comes along ``w`` (s metres long) and leaves towards -d."""
+    mu = -(w[0] * d[0] + w[1] * d[1] + w[2] * d[2]) / s
+    return phase(medium.phase_kind, medium.phase_g, min(max(mu, -1.0), 1.0))
+
+
+@subroutine
+def _sample(q, light, a, d, distance, xi, out):
+    """Add to ``out`` (3,) one sample of a spot's light scattered along a ray, divided by its density."""
+    p, w, t, ss, density = _towards(light.position, a, d, distance, xi)
     if ss == 0.0:
         return
-    emitted = _emitted(light, x, y, z)
-    if emitted == 0.0 or not _visible(q.objects, light.position, p):
+    emitted = _emitted(light, w[0], w[1], w[2])
+    if emitted == 0.0 or not visible(q.objects, q.mesh, light.position, p):
         return
     s = math.sqrt(ss)
-    mu = -(x * d[0] + y * d[1] + z * d[2]) / s  # the eye lies towards -d
-    f = emitted * phase(q.medium.phase_kind, q.medium.phase_g, min(max(mu, -1.0), 1.0)) / (ss * density)
+    f = emitted * _scattered(q.medium, w, s, d) / (ss * density)
     for c in range(3):
         out[c] += light.intensity[c] * q.medium.scattering[c] * f * math.exp(-q.medium.extinction[c] * (s + t))
+
+
+@subroutine
+def _sample_projector(q, light, a, d, distance, xi, out):
+    """Add to ``out`` (3,) one sample of a projector's light scattered along a ray, divided by its density."""
+    p, w, t, ss, density = _towards(light.position, a, d, distance, xi)
+    if ss == 0.0 or not visible(q.objects, q.mesh, light.position, p):
+        return
+    s = math.sqrt(ss)
+    f = _scattered(q.medium, w, s, d) / (ss * density)
+    for c in range(3):
+        emitted = light.intensity[c] * _projected(q, light, w[0], w[1], w[2], c)
+        out[c] += emitted * q.medium.scattering[c] * f * math.exp(-q.medium.extinction[c] * (s + t))
+
+
+@subroutine
+def _sample_sun(q, light, a, d, distance, xi, out):
+    """Add to ``out`` (3,) one sample of sunlight scattered along a ray, divided by its density.
+
+    The distance is exponential up to the ray's end with the least extinction of the channels that scatter.
+    """
+    sigma = math.inf
+    for c in range(3):
+        if q.medium.scattering[c] > 0.0:
+            sigma = min(sigma, q.medium.extinction[c])
+    if sigma == math.inf:
+        return
+    seen = -math.expm1(-sigma * distance) if sigma > 0.0 else 0.0
+    t = -math.log1p(-xi * seen) / sigma if seen > 0.0 else xi * distance
+    weight = seen / sigma * math.exp(sigma * t) if seen > 0.0 else distance
+    p = (a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2])
+    reach = _glass(q, light, p, 0)[1]
+    if reach < 0.0 or not sun_visible(q.objects, q.mesh, p, light.axis, reach, 1.0):
+        return
+    f = weight * _scattered(q.medium, light.axis, 1.0, d)
+    for c in range(3):
+        emitted = light.irradiance[c] * _glass(q, light, p, c)[0]
+        out[c] += emitted * q.medium.scattering[c] * f * math.exp(-q.medium.extinction[c] * t)
 
 
 @subroutine
@@ -214,6 +252,16 @@ def _estimate(q, a, d, distance, key, pixel, batches, rtol, mean, error, square,
             for k in range(BATCH):
                 xi, _ = uniform_pair(key, pixel, b * BATCH + k, which)
                 _sample(q, light, a, d, distance, (k + xi) / BATCH, batch)
+        for which in range(q.projectors.shape[0]):
+            projector = projector_at(q.projectors, which)
+            for k in range(BATCH):
+                xi, _ = uniform_pair(key, pixel, b * BATCH + k, q.lights.shape[0] + which)
+                _sample_projector(q, projector, a, d, distance, (k + xi) / BATCH, batch)
+        for which in range(q.suns.shape[0]):
+            sun = sun_at(q.suns, which)
+            for k in range(BATCH):
+                xi, _ = uniform_pair(key, pixel, b * BATCH + k, q.lights.shape[0] + q.projectors.shape[0] + which)
+                _sample_sun(q, sun, a, d, distance, (k + xi) / BATCH, batch)
         used += 1
         for c in range(3):  # Welford
             delta = batch[c] / BATCH - mean[c]
@@ -245,7 +293,7 @@ def _monte_carlo_kernel(image, beam, surface, error, counters, q, key, batches, 
                 (camera.forward[1] + x * camera.right[1] + y * camera.up[1]) / length,
                 (camera.forward[2] + x * camera.right[2] + y * camera.up[2]) / length,
             )
-            distance, normal, albedo = _first_surface(q.objects, a, d)
+            distance, normal, albedo = first_surface(q.objects, q.mesh, a, d)
             _reflected(q, a, d, distance, normal, albedo, surface[j, i])
             pixel = line * shape[1] + column
             used = _estimate(

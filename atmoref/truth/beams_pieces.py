@@ -17,7 +17,17 @@ from atmoref._jit import subroutine
 from atmoref.truth.beams_geometry import add, cross, dot, row, scaled, sees, subtract
 from atmoref.truth.beams_question import NO_FALLOFF
 
-__all__ = ["EDGE", "FULL", "Line", "cut_capacity", "find_pieces", "line_from_light", "point_on"]
+__all__ = [
+    "EDGE",
+    "FULL",
+    "Line",
+    "cut_capacity",
+    "find_pieces",
+    "keep_cut",
+    "line_from_light",
+    "point_on",
+    "sort_cuts",
+]
 
 FULL = 2  # class of a piece: inside the inner cone (or no falloff), intensity constant
 EDGE = 1  # between inner and outer cone
@@ -61,7 +71,7 @@ def point_on(line, u):
 
 
 @subroutine
-def _keep(cuts, n, u, low, high):
+def keep_cut(cuts, n, u, low, high):
     """Append a split point if it lies inside the interval, and return the new count."""
     if low < u < high and n < cuts.shape[0]:
         cuts[n] = u
@@ -107,13 +117,13 @@ def _cut_at_spheres(objects, line, cuts, n, low, high):
             sine = radius / distance
             cosine = math.sqrt((distance - radius) * (distance + radius)) / distance
             u1, u2 = _cone_roots(line, scaled(to_center, 1.0 / distance), cosine, sine)
-            n = _keep(cuts, n, u1, low, high)
-            n = _keep(cuts, n, u2, low, high)
+            n = keep_cut(cuts, n, u1, low, high)
+            n = keep_cut(cuts, n, u2, low, high)
         nearest = dot(to_center, line.d)
         gap = subtract(subtract(to_center, scaled(line.e, line.v)), scaled(line.d, nearest))
         half = math.sqrt(max(radius * radius - dot(gap, gap), 0.0))
-        n = _keep(cuts, n, nearest - half, low, high)
-        n = _keep(cuts, n, nearest + half, low, high)
+        n = keep_cut(cuts, n, nearest - half, low, high)
+        n = keep_cut(cuts, n, nearest + half, low, high)
     return n
 
 
@@ -126,17 +136,17 @@ def _cut_at_boxes(objects, line, cuts, n, low, high):
         for axis in range(3):
             d = line.d[axis]
             at = line.light[axis] + line.v * line.e[axis]
-            n = _keep(cuts, n, (a[axis] - at) / d, low, high)
-            n = _keep(cuts, n, (b[axis] - at) / d, low, high)
+            n = keep_cut(cuts, n, (a[axis] - at) / d, low, high)
+            n = keep_cut(cuts, n, (b[axis] - at) / d, low, high)
         for corner in range(4):  # the edges along x, y and z at each of the four corners of the other two axes
             low_1 = corner % 2 == 0
             low_2 = corner < 2
             x = a[0] if low_1 else b[0]
             y = a[1] if low_2 else b[1]
             z = a[2] if low_1 else b[2]
-            n = _keep(cuts, n, _edge_root(line, (a[0], y, z), (1.0, 0.0, 0.0)), low, high)
-            n = _keep(cuts, n, _edge_root(line, (x, a[1], a[2] if low_2 else b[2]), (0.0, 1.0, 0.0)), low, high)
-            n = _keep(cuts, n, _edge_root(line, (x, y, a[2]), (0.0, 0.0, 1.0)), low, high)
+            n = keep_cut(cuts, n, _edge_root(line, (a[0], y, z), (1.0, 0.0, 0.0)), low, high)
+            n = keep_cut(cuts, n, _edge_root(line, (x, a[1], a[2] if low_2 else b[2]), (0.0, 1.0, 0.0)), low, high)
+            n = keep_cut(cuts, n, _edge_root(line, (x, y, a[2]), (0.0, 0.0, 1.0)), low, high)
     return n
 
 
@@ -160,7 +170,8 @@ def _inner_point(a, b):
 
 
 @subroutine
-def _sort(cuts, n):
+def sort_cuts(cuts, n):
+    """Sort the first n split points."""
     for i in range(1, n):
         x = cuts[i]
         j = i
@@ -179,10 +190,10 @@ def _beam_span(light, line, low, high, cuts):
     cosine = math.cos(light.outer)
     u1, u2 = _cone_roots(line, axis, cosine, math.sin(light.outer))
     cuts[0] = low
-    n = _keep(cuts, 1, 0.0, low, high)
-    n = _keep(cuts, n, u1, low, high)
-    n = _keep(cuts, n, u2, low, high)
-    _sort(cuts, n)
+    n = keep_cut(cuts, 1, 0.0, low, high)
+    n = keep_cut(cuts, n, u1, low, high)
+    n = keep_cut(cuts, n, u2, low, high)
+    sort_cuts(cuts, n)
     first = math.inf
     last = -math.inf
     for i in range(n):
@@ -231,17 +242,17 @@ def find_pieces(objects, light, line, low, high, cuts, ends, classes):
     if not low < high:
         return 0
     n = 0
-    n = _keep(cuts, n, 0.0, low, high)
+    n = keep_cut(cuts, n, 0.0, low, high)
     if light.outer < math.pi and light.falloff != NO_FALLOFF:
         inner = light.inner
         u1, u2 = _cone_roots(line, light.axis, math.cos(inner), math.sin(inner))
-        n = _keep(cuts, n, u1, low, high)
-        n = _keep(cuts, n, u2, low, high)
+        n = keep_cut(cuts, n, u1, low, high)
+        n = keep_cut(cuts, n, u2, low, high)
     n = _cut_at_spheres(objects, line, cuts, n, low, high)
     n = _cut_at_boxes(objects, line, cuts, n, low, high)
     for i in range(objects.grounds.shape[0]):
-        n = _keep(cuts, n, _plane_root(line, (0.0, 1.0, 0.0), (0.0, objects.grounds[i, 0], 0.0)), low, high)
-    _sort(cuts, n)
+        n = keep_cut(cuts, n, _plane_root(line, (0.0, 1.0, 0.0), (0.0, objects.grounds[i, 0], 0.0)), low, high)
+    sort_cuts(cuts, n)
     return _collect(objects, light, line, low, high, cuts, n, ends, classes)
 
 

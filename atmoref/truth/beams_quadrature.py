@@ -2,8 +2,9 @@
 # (kernels: Numba infers their types)
 """The truth of light beams by interval splitting and adaptive Gauss-Legendre-Kronrod quadrature.
 
-Per view ray: the nearest surface, its direct light, and for each light the lit pieces of the ray
-(``beams_pieces.py``), each integrated in the angle at the light (``beams_integral.py``). Radiance, not clipped:
+Per view ray: the nearest surface, its direct light (``beams_surfaces.py``), and for each light the lit pieces of the
+ray (``beams_pieces.py``, ``beams_sun_pieces.py``, and for meshes ``beams_shadows.py``), each integrated in the angle at
+the light (``beams_integral.py``, ``beams_projector.py``) or in closed form (``beams_sun.py``). Radiance, not clipped:
 
     I = I_b exp(-sigma_t T) + sum over lights ∫_0^T I_l H rho_c F exp(-sigma_t (s + t)) / s² dt + I_a
     I_b = albedo/pi · sum over lights I_0 I_l H max(0, cos) exp(-sigma_t s) / s²,   rho_c F = I_0 sigma_s p(cos alpha)
@@ -21,21 +22,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref._jit import kernel, subroutine
-from atmoref.truth.beams_geometry import (
-    NOTHING,
-    add,
-    dot,
-    nearest_hit,
-    normal_and_albedo,
-    row,
-    scaled,
-    sees,
-    subtract,
-)
-from atmoref.truth.beams_integral import Settings, integrate_pieces, light_distribution, workspace
+from atmoref._jit import kernel
+from atmoref.truth.beams_geometry import row
+from atmoref.truth.beams_integral import add_slack, integrate_pieces
+from atmoref.truth.beams_panels import Panels, Settings, workspace
 from atmoref.truth.beams_pieces import cut_capacity, find_pieces, line_from_light
-from atmoref.truth.beams_question import NO_FALLOFF, Camera, Medium, Question, light_at
+from atmoref.truth.beams_projector import GAUSS_KRONROD_5, projectors_kernel
+from atmoref.truth.beams_question import Camera, Medium, Question, light_at
+from atmoref.truth.beams_shadows import shade_by_point
+from atmoref.truth.beams_sun import suns_kernel
+from atmoref.truth.beams_sun_pieces import sun_cut_capacity
+from atmoref.truth.beams_surfaces import pictured_surfaces_kernel, surfaces_kernel
 from atmoref.truth.quadrature_rules import GAUSS_KRONROD_21, Rule
 from atmoref.truth.rows import Crop, Progress, run_rows
 
@@ -44,76 +41,34 @@ __all__ = ["ROUNDING", "quadrature", "quadrature_along"]
 ROUNDING = 4e-15
 """Relative rounding error of sums and of the surface term, added to the quadrature's own estimate (measured 1e-15)."""
 
+_FIRST_SHADOWS = 64  # of meshes on one ray; room for four times as many, and so on, where these are not enough
 _COUNTERS = 3  # panels, lit pieces, rays with a lit piece
 
 
-@subroutine
-def _reach(light, p):
-    """Return I_l in the direction of a point."""
-    if light.outer >= math.pi:
-        return light.peak
-    w = subtract(p, light.position)
-    cosine = dot(w, light.axis) / math.sqrt(dot(w, w))
-    inner = math.cos(light.inner)
-    outer = math.cos(light.outer)
-    if not cosine > outer:
-        return 0.0
-    if light.falloff == NO_FALLOFF or cosine >= inner:
-        return light.peak
-    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-    return light.peak * light_distribution(light.falloff, cosine, sine, inner, outer, light.inner, light.outer)
-
-
 @kernel
-def _surfaces_kernel(surface, ends, q, starts, directions):
-    """Shorten the rays to their first surface, and set the light (n, 3) that it sends to the eye through the medium."""
-    for i in range(starts.shape[0]):
-        for c in range(3):
-            surface[i, c] = 0.0
-        start = row(starts, i)
-        d = row(directions, i)
-        distance, kind, index = nearest_hit(q.objects, start, d)
-        if kind == NOTHING or ends[i] < distance:
-            continue
-        ends[i] = distance
-        p = add(start, scaled(d, distance))
-        normal, albedo = normal_and_albedo(q.objects, p, kind, index, d)
-        for which in range(q.lights.shape[0]):
-            light = light_at(q.lights, which)
-            w = subtract(light.position, p)
-            ss = dot(w, w)
-            s = math.sqrt(ss)
-            cosine = dot(w, normal) / s
-            if not cosine > 0.0:
-                continue
-            share = _reach(light, p)
-            if share == 0.0 or not sees(q.objects, light.position, p, kind, index):
-                continue
-            for c in range(3):
-                dim = math.exp(-q.medium.extinction[c] * (s + distance))
-                surface[i, c] += albedo[c] / math.pi * light.intensity[c] * share * cosine * dim / ss
+def _spots_kernel(beam, error, counters, q, rule, settings, work, starts, directions, ends, slacks):
+    """Add the light (n, 3) of spots scattered to the eye along rays up to their ends, and its error estimate.
 
-
-@kernel
-def _beams_kernel(beam, error, counters, q, rule, settings, work, starts, directions, ends):
-    """Set the light (n, 3) scattered to the eye along rays up to their ends, and its error estimate."""
+    Return whether the work space was large enough; if not, what was added is worthless.
+    """
     value = work.scratch[3]
     estimate = work.scratch[4]
     for i in range(starts.shape[0]):
-        for c in range(3):
-            beam[i, c] = 0.0
-            error[i, c] = 0.0
-            counters[i, c] = 0
         for which in range(q.lights.shape[0]):
             light = light_at(q.lights, which)
             line = line_from_light(row(starts, i), row(directions, i), light.position)
             low, high = -line.foot, ends[i] - line.foot
             pieces = find_pieces(q.objects, light, line, low, high, work.cuts, work.ends, work.classes)
+            pieces = shade_by_point(q.mesh, line, pieces, work, high, slacks[i])
+            if pieces < 0:
+                return False
             if pieces == 0:
                 continue
             counters[i, 0] += integrate_pieces(q.medium, light, line, pieces, rule, settings, work, value, estimate)
             counters[i, 1] += pieces
             counters[i, 2] = 1
+            if value[0] < math.inf:
+                add_slack(q.mesh, q.medium, light, line, pieces, work, estimate)
             for c in range(3):
                 scale = light.intensity[c] * light.peak * q.medium.scattering[c]
                 if scale > 0.0:
@@ -121,6 +76,7 @@ def _beams_kernel(beam, error, counters, q, rule, settings, work, starts, direct
                     beam[i, c] += scale * value[group]
                     if value[group] < math.inf:
                         error[i, c] += scale * (estimate[group] + ROUNDING * value[group])
+    return True
 
 
 def _ambient(medium: Medium, ends: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -146,12 +102,48 @@ def _solve_rays(
     """Fill the entries of n rays in ``out``; directions are of any length."""
     d = directions / np.sqrt((directions * directions).sum(axis=1))[:, None]
     ends = limits.copy()
-    _surfaces_kernel(out["surface"], ends, q, starts, d)
-    work = workspace(cut_capacity(*(len(table) for table in q.objects)), settings.first_split)
-    _beams_kernel(out["beam"], out["error"], out["counters"], q, rule, settings, work, starts, d, ends)
+    hits = np.zeros((len(ends), 2), np.int64)
+    slacks = np.zeros(len(ends))
+    surfaces_kernel(out["surface"], ends, slacks, hits, q, starts, d)
+    if len(q.projectors) or len(q.suns):
+        pictured_surfaces_kernel(out["surface"], ends, hits, q, starts, d)
+    lines = [int(table[:, k : k + 2].sum(axis=1).max(initial=0)) for table, k in ((q.projectors, 16), (q.suns, 19))]
+    room = _FIRST_SHADOWS if q.mesh else 0
+    while not _solve_beams(out, q, rule, settings, _workspace(q, settings, max(lines), room), starts, d, ends, slacks):
+        room = 4 * max(room, _FIRST_SHADOWS)
     rest = out["surface"] + _ambient(q.medium, ends)
     out["image"][:] = out["beam"] + rest
     out["error"][:] += ROUNDING * rest
+
+
+def _workspace(q: Question, settings: Settings, lines: int, shadows: int) -> Panels:
+    solids = len(q.objects.spheres), len(q.objects.boxes), len(q.objects.grounds)
+    cuts = max(cut_capacity(*solids), sun_cut_capacity(*solids))
+    return workspace(cuts, settings.first_split, lines=lines, shadows=shadows)
+
+
+def _solve_beams(
+    out: dict[str, NDArray[Any]],
+    q: Question,
+    rule: Rule,
+    settings: Settings,
+    work: Panels,
+    starts: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    slacks: NDArray[np.float64],
+) -> bool:
+    """Set the beam terms of n rays and their errors; return whether the work space was large enough."""
+    for name in ("beam", "error", "counters"):
+        out[name][:] = 0
+    tables = out["beam"], out["error"], out["counters"]
+    rays = starts, directions, ends, slacks
+    if len(q.lights) and not _spots_kernel(*tables, q, rule, settings, work, *rays):
+        return False
+    quick = GAUSS_KRONROD_5 if settings.adaptive else rule
+    if len(q.projectors) and not projectors_kernel(*tables, q, rule, quick, settings, work, *rays, ROUNDING):
+        return False
+    return not len(q.suns) or bool(suns_kernel(*tables, q, work, *rays, ROUNDING))
 
 
 def _pixel_rays(camera: Camera, shape: tuple[int, int], crop: Crop, rows: tuple[int, int]) -> NDArray[np.float64]:

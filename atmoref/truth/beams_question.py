@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from atmoref._jit import subroutine
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
+from atmoref.truth.beams_hierarchy import Mesh, build_hierarchy
+from atmoref.truth.beams_light_maps import pad_pictures, projector_row, sun_row
 
 __all__ = [
     "FALLOFFS",
@@ -33,6 +35,7 @@ __all__ = [
 SMOOTHSTEP_COSINE = 0
 LINEAR_ANGLE = 1
 NO_FALLOFF = 2
+LIGHTS = ("spot", "projector", "sun")
 FALLOFFS = {"smoothstep_cosine": SMOOTHSTEP_COSINE, "linear_angle": LINEAR_ANGLE, "none": NO_FALLOFF}
 
 Floats = NDArray[np.float64]
@@ -76,9 +79,13 @@ class Question(NamedTuple):
     """A beams scene."""
 
     camera: Camera
-    lights: Floats  # (L, 13) rows that light_at() reads
+    lights: Floats  # (L, 13) spotlights: rows that light_at() reads
     objects: Objects
     medium: Medium
+    projectors: Floats  # (M, 18) rows that projector_at() reads
+    suns: Floats  # (N, 22) rows that sun_at() reads
+    texels: Floats  # (K, 3) the pictures of projectors and suns
+    mesh: Mesh | None  # the triangles of all meshes and height fields; None spares compiling what handles them
 
 
 class Light(NamedTuple):
@@ -151,18 +158,39 @@ def _cross(a: Triple, b: Triple) -> Triple:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _objects(things: Sequence[Any]) -> Objects:
-    spheres, boxes, grounds = [], [], []
-    for thing in things:
+def _objects(scene: Any) -> tuple[Objects, Mesh | None]:
+    spheres, boxes, grounds, meshes = [], [], [], []
+    for i, thing in enumerate(scene.objects):
         if thing.type == "sphere":
             spheres.append([*thing.center_m, thing.radius_m, *thing.albedo])
         elif thing.type == "box":
             boxes.append([*thing.min_m, *thing.max_m, *thing.albedo])
         elif thing.type == "ground":
             grounds.append([thing.height_m, *thing.albedo])
+        elif thing.type in ("mesh", "height_field"):
+            vertices, faces = scene.triangles(i)
+            meshes.append((vertices, faces, _triple(thing.albedo)))
         else:
             raise ValueError(f"the truth of beams has no object of type {thing.type!r}")
-    return Objects(_table(spheres, 7), _table(boxes, 9), _table(grounds, 4))
+    mesh = build_hierarchy(meshes)
+    solids = Objects(_table(spheres, 7), _table(boxes, 9), _table(grounds, 4))
+    return solids, mesh if len(mesh.tree) else None
+
+
+def _pictured(scene: Any) -> tuple[Floats, Floats, Floats]:
+    """Return the rows of projectors and suns, and the texels of their pictures."""
+    kinds = [light.type for light in scene.lights]
+    chosen = [i for i, kind in enumerate(kinds) if kind in ("projector", "sun")]
+    has_map = [kinds[i] == "projector" or scene.lights[i].window is not None for i in chosen]
+    maps = [scene.light_map(i) if has else None for i, has in zip(chosen, has_map, strict=True)]
+    texels, places = pad_pictures(maps)
+    projectors, suns = [], []
+    for i, place in zip(chosen, places, strict=True):
+        if kinds[i] == "projector":
+            projectors.append(projector_row(scene.lights[i], place))
+        else:
+            suns.append(sun_row(scene.lights[i], place))
+    return _table(projectors, 18), _table(suns, 22), texels
 
 
 def _medium(medium: Any, saturates: bool) -> Medium:
@@ -189,7 +217,7 @@ def ask(scene: Any, ambient_mode: str = "constant") -> Question:
     Parameters
     ----------
     scene
-        A validated scene with a perspective camera and spot lights.
+        A validated scene with a perspective camera.
     ambient_mode
         ``"constant"``: the ambient term is added whatever the distance; ``"saturating"``: times 1 - exp(-sigma_t T)
         (erratum D-E34).
@@ -202,11 +230,17 @@ def ask(scene: Any, ambient_mode: str = "constant") -> Question:
     if ambient_mode not in ("constant", "saturating"):
         raise ValueError(f"ambient mode {ambient_mode!r}: allowed are 'constant' and 'saturating'")
     for light in scene.lights:
-        if light.type != "spot":
+        if light.type not in LIGHTS:
             raise ValueError(f"the truth of beams has no light of type {light.type!r}")
+    projectors, suns, texels = _pictured(scene)
+    objects, mesh = _objects(scene)
     return Question(
         camera=_camera(scene.camera, int(scene.image.width), int(scene.image.height)),
-        lights=_table([_light_row(light) for light in scene.lights], 13),
-        objects=_objects(scene.objects),
+        lights=_table([_light_row(light) for light in scene.lights if light.type == "spot"], 13),
+        objects=objects,
         medium=_medium(scene.medium, ambient_mode == "saturating"),
+        projectors=projectors,
+        suns=suns,
+        texels=texels,
+        mesh=mesh,
     )

@@ -20,7 +20,7 @@ def _pieces(q, start, d, cuts, ends, classes):
     """Return the number of lit pieces of light 0, the light's foot on the ray, and where the ray ends."""
     light = light_at(q.lights, 0)
     line = line_from_light(start, d, light.position)
-    distance, _, _ = nearest_hit(q.objects, start, d)
+    distance, _, _ = nearest_hit(q.objects, q.mesh, start, d)
     n = find_pieces(q.objects, light, line, -line.foot, distance - line.foot, cuts, ends, classes)
     return n, line.foot, distance
 
