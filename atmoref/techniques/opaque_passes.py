@@ -153,10 +153,10 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
 
         passes.append(Pass(shadow_key, (shadow_key,), size, draw, (shadow_key,)))
     if not spot.switches.exact_distribution:
-        size = params.light_map_size
+        edge = params.light_map_size
         if spot.frame.picture is None:
-            setting.require(stage.bank, 3 * size * size * HOST_BYTES, f"technique.light_map_size = {size}")
-        texels = spot.frame.light_map(size)
+            setting.require(stage.bank, 3 * edge * edge * HOST_BYTES, f"technique.light_map_size = {edge}")
+        texels = spot.frame.light_map(edge)
         if texels.ndim == 2 and not spot.switches.grey_light:  # stages read a channel each
             texels = np.repeat(texels[..., None], 3, -1)
         setting.image(stage.bank, "light_map", light_key, texels)
