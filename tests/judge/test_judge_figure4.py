@@ -74,8 +74,9 @@ def test_the_apex_is_dark_as_published_and_bright_when_corrected(figure: Path) -
     """q clamped near the light darkens the apex; the overflow channel keeps it, in 8 bits."""
     want = np.clip(read(figure / "fig4d.exr").rgb(), 0.0, 1.0)
     column = slice(148, 152)
-    # saturated beam below the light; the first two rows (0.065 m each) are thinner than two sub-planes are apart
-    rows = np.flatnonzero(want[:, column].min((1, 2)) >= 1.0)[2:25]
+    # saturated beam below the light; in the first row the cone is thinner than two sub-planes are apart, so they count
+    # (0.745 with epsilon = 0.01, 1 with 0.002)
+    rows = np.flatnonzero(want[:, column].min((1, 2)) >= 1.0)[1:25]
     published = read(figure / "fig4c.exr").rgb()[rows, column]
     corrected = read(figure / "fig4c_corrected.exr").rgb()[rows, column]
     assert published.min() < 0.3
