@@ -76,6 +76,10 @@ class Device:
         Filter of all other textures: `exact` is a + w (b - a), `fused` the same with one rounding.
     clamp_shadow_reference
         Is the reference of a shadow compare clamped to [0, 1] where the depth format is unorm?
+    interpolation
+        Vertex attributes: `triangle` is a + wb (b - a) + wc (c - a) with barycentric weights; `screen` a plane over the
+        screen: its slopes and its value at the centre of pixel (0, 0) from the triangle's set-up, two fused steps from
+        there, and a pixel centre on the edge of two triangles belongs to the upper one.
     measured
         Formats whose rules were measured on the device; empty for a device that is a definition or an assumption.
     assumed
@@ -93,6 +97,7 @@ class Device:
     bytes_filter: Filter = "exact"
     filter: Filter = "exact"
     clamp_shadow_reference: bool = True
+    interpolation: Literal["triangle", "screen"] = "triangle"
     measured: frozenset[str] = frozenset()
     assumed: bool = False
 
@@ -115,6 +120,7 @@ _PRESETS = (
         through_16_bits=frozenset({"unorm10"}),
         bytes_filter="bytes",
         filter="fused",
+        interpolation="screen",
         measured=frozenset({"unorm8", "unorm10", "unorm16", "depth24", "float16", "r11g11b10f", "float32"}),
     ),
     Device("geforce3", rounding="truncate", bytes_filter="bytes", assumed=True),

@@ -17,6 +17,7 @@ from atmoref.lanes import (
     exp,
     first_lane,
     floor,
+    fma,
     gather,
     lift,
     maximum,
@@ -30,6 +31,7 @@ from atmoref.lanes import (
 from atmoref.optics.lane_phase import lane_phase
 from atmoref.tables.q import q_integral
 
+TIE = 1e-5  # of a cell: centres this near a diagonal lie on it
 DT_PAPER, DT_COSINE, DT_EXACT = 0, 1, 2  # D-E6
 
 
@@ -84,6 +86,7 @@ class SlabSwitches(NamedTuple):
     mesh_y: int
     grey: int
     parallel: int  # the sun: f_l in closed form
+    screen: int  # vertex attributes are planes over the screen (Device.interpolation)
 
 
 class QMaps(NamedTuple):
@@ -93,12 +96,37 @@ class QMaps(NamedTuple):
     rest: Texture
 
 
+class Grid(NamedTuple):
+    """Where the vertices of a mesh stand on the screen, pixels (float32 values): its columns and its rows."""
+
+    x: NDArray[Any]
+    y: NDArray[Any]
+
+
 class Mesh(NamedTuple):
     """Vertex attributes, flat: u [plane, vertex], v [vertex], c_k [channel, plane, vertex]; dummies without a mesh."""
 
     u: NDArray[Any]
     v: NDArray[Any]
     c: NDArray[Any]
+    grid: Grid
+
+
+class Setup(NamedTuple):
+    """Lanes: the triangle a pixel lies in, as `Device.interpolation = "screen"` sets it up.
+
+    Slopes come from the edges e = a - b and f = c - a, both over their cross product; the value at the centre of pixel
+    (0, 0) from that of a at (x, y); then two fused steps, columns and rows.
+    """
+
+    ex: Any
+    ey: Any
+    fx: Any
+    fy: Any
+    x: Any
+    y: Any
+    column: Any
+    row: Any
 
 
 class Corner(NamedTuple):
@@ -117,6 +145,7 @@ class Corner(NamedTuple):
     narrow: bool
     start: int
     row: int  # vertices in a row
+    setup: Setup
 
 
 class Place(NamedTuple):
@@ -134,40 +163,65 @@ class Place(NamedTuple):
 
 
 @device
-def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
-    """Return the triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
+def mesh_corner(arith, slab, switches, grid, column, row):
+    """Return the triangle of each pixel; a cell is cut along its diagonal from lower right to upper left.
+
+    A centre on the diagonal belongs to the lower triangle, or by the fill rule of a device to the upper one.
+    """
+    mesh_x, mesh_y = switches.mesh_x, switches.mesh_y
     x = pixels(arith, int32(column)) * slab.cells_x + slab.cell_x
     y = (lift(arith, spread_int(int32(row))) + 0.5) * slab.cells_y + slab.cell_y
     i = minimum(floor(x), mesh_x - 1.0)
     j = minimum(floor(y), mesh_y - 1.0)
     x, y = x - i, y - j
-    row_start, cell = to_int(j) * int32(mesh_x + 1), to_int(i)
+    bottom, cell = to_int(j), to_int(i)
+    row_start = bottom * int32(mesh_x + 1)
     first = row_start + cell
     left = min(first_lane(cell), int32(mesh_x - 2))
     second = cell > spread_int(left)
     narrow = mesh_x > 1 and not any_lane(cell > spread_int(int32(left + 1)))
-    lower = x + y <= 1.0
     right, above = first + int32(1), first + int32(mesh_x + 1)
-    a = select(lower, first, above + int32(1))
+    lower = x + y <= 1.0
+    zero = x * 0.0
+    setup = Setup(zero, zero, zero, zero, zero, zero, zero, zero)
+    a, b = select(lower, first, above + int32(1)), select(lower, right, above)
+    if switches.screen != 0:
+        lower = x + y < 1.0 - TIE
+        setup = triangle_setup(arith, grid, cell, bottom, lower, column, row)
+        a, b = select(lower, right, above), select(lower, first, above + int32(1))
+        narrow = False
     return Corner(
-        a,
-        select(lower, right, above),
-        select(lower, above, right),
-        select(lower, x, 1.0 - x),
-        select(lower, y, 1.0 - y),
-        lower,
-        second,
-        narrow,
-        first_lane(row_start) + left,
-        mesh_x + 1,
-    )
+        a, b, select(lower, above, right), select(lower, x, 1.0 - x), select(lower, y, 1.0 - y), lower, second, narrow,
+        first_lane(row_start) + left, mesh_x + 1, setup,
+    )  # fmt: skip
 
 
 @device
-def interpolate(arith, attribute, base, corner):
+def triangle_setup(arith, grid, cell, bottom, lower, column, row):
+    """Return the set-up of a cell's triangle: corners (right, first, above), or the upper (above, opposite, right)."""
+    cell, bottom = maximum(cell, spread_int(int32(0))), maximum(bottom, spread_int(int32(0)))
+    x0, x1 = lift(arith, gather(grid.x, cell)), lift(arith, gather(grid.x, cell + int32(1)))
+    y0, y1 = lift(arith, gather(grid.y, bottom)), lift(arith, gather(grid.y, bottom + int32(1)))
+    ax, ay = select(lower, x1, x0), select(lower, y0, y1)
+    ex, ey = ax - select(lower, x0, x1), ay - select(lower, y0, y1)
+    fx, fy = select(lower, x0, x1) - ax, select(lower, y1, y0) - ay
+    r = (x0 * 0.0 + 1.0) / (ex * fy - fx * ey)
+    return Setup(
+        ex * r, ey * r, fx * r, fy * r, ax - 0.5, ay - 0.5, pixels(arith, int32(column)) - 0.5,
+        lift(arith, spread_int(int32(row))),
+    )  # fmt: skip
+
+
+@device
+def interpolate(arith, switches, attribute, base, corner):
     """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
     a, b, c = corner_values(arith, attribute, base, corner)
-    return a + corner.wb * (b - a) + corner.wc * (c - a)
+    if switches.screen == 0:
+        return a + corner.wb * (b - a) + corner.wc * (c - a)
+    e, f, setup = a - b, c - a, corner.setup
+    dx, dy = e * setup.fy - f * setup.ey, f * setup.ex - e * setup.fx
+    start = a - (dx * setup.x + dy * setup.y)
+    return fma(dy, setup.row, fma(dx, setup.column, start))
 
 
 @device
@@ -201,13 +255,13 @@ def place(arith, slab, switches, mesh, ray, column, row):
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
     v = sqrt(cx * cx + cy * cy + cz * cz) / ray.length
     along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.length
-    corner = mesh_corner(arith, slab, switches.mesh_x, switches.mesh_y, column, row)
+    corner = mesh_corner(arith, slab, switches, mesh.grid, column, row)
     r = v * 0.0
     g, b = r, r
     if switches.parallel != 0:
         r, g, b = sunlight(slab, switches, ray)
     elif switches.vertex != 0:
-        v = interpolate(arith, mesh.v, 0, corner)
+        v = interpolate(arith, switches, mesh.v, 0, corner)
     return Place(v, along, corner, r, g, b)
 
 
@@ -264,12 +318,12 @@ def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane
     u, v = where.along, where.v
     if switches.vertex != 0:
         if switches.parallel == 0:
-            u = interpolate(arith, mesh.u, plane * vertices, where.corner)
-        c_r = interpolate(arith, mesh.c, plane * vertices, where.corner)
+            u = interpolate(arith, switches, mesh.u, plane * vertices, where.corner)
+        c_r = interpolate(arith, switches, mesh.c, plane * vertices, where.corner)
         c_g, c_b = c_r, c_r
         if switches.grey == 0:
-            c_g = interpolate(arith, mesh.c, (count + plane) * vertices, where.corner)
-            c_b = interpolate(arith, mesh.c, (2 * count + plane) * vertices, where.corner)
+            c_g = interpolate(arith, switches, mesh.c, (count + plane) * vertices, where.corner)
+            c_b = interpolate(arith, switches, mesh.c, (2 * count + plane) * vertices, where.corner)
     else:
         u = where.along + ray.length * z
         t = ray.length * z

@@ -50,11 +50,11 @@ def plane_source(arith, slab, switches, colours, ray, corner, z, plane, count):
     """Return g dt of one plane, from the mesh or from the pixel."""
     vertices = (switches.mesh_x + 1) * (switches.mesh_y + 1)
     if switches.vertex != 0:
-        r = interpolate(arith, colours, plane * vertices, corner)
+        r = interpolate(arith, switches, colours, plane * vertices, corner)
         g, b = r, r
         if switches.grey == 0:
-            g = interpolate(arith, colours, (count + plane) * vertices, corner)
-            b = interpolate(arith, colours, (2 * count + plane) * vertices, corner)
+            g = interpolate(arith, switches, colours, (count + plane) * vertices, corner)
+            b = interpolate(arith, switches, colours, (2 * count + plane) * vertices, corner)
         return r, g, b
     x, y, w = ray.dx * z + slab.from_x, ray.dy * z + slab.from_y, ray.dz * z + slab.from_z
     distance = maximum(sqrt(x * x + y * y + w * w), 1e-6)
@@ -70,7 +70,9 @@ def plane_source(arith, slab, switches, colours, ray, corner, z, plane, count):
 
 
 @kernel
-def vertex_planes(frame, depth, counters, probe, arith, form, rules, uniforms, maps, colours, solids, draws, window):
+def vertex_planes(
+    frame, depth, counters, probe, arith, form, rules, uniforms, maps, colours, grid, solids, draws, window
+):
     """Draw planes [window.d0, window.d1) of one light into `frame`, planar (3, height, pitch)."""
     switches, slab_switches = uniforms.switches, uniforms.slab_switches
     camera, spot, slab = lift(arith, uniforms.camera), lift(arith, uniforms.spot), lift(arith, uniforms.slab)
@@ -85,7 +87,7 @@ def vertex_planes(frame, depth, counters, probe, arith, form, rules, uniforms, m
             ray = camera_ray(arith, camera, column, row)
             light = light_ray(spot, ray)
             span = light_span(switches, spot, light)
-            corner = mesh_corner(arith, slab, slab_switches.mesh_x, slab_switches.mesh_y, column, row)
+            corner = mesh_corner(arith, slab, slab_switches, grid, column, row)
             surface = lift(arith, load(depth, p))
             stored = read_colour(arith, frame, p, size)
             for k in range(window.d0, window.d1):

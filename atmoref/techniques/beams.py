@@ -21,7 +21,7 @@ from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene
 from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms, beam_planes
-from atmoref.stages.main_plane import DT_COSINE, DT_EXACT, DT_PAPER, Mesh, QMaps, Slab, SlabSwitches
+from atmoref.stages.main_plane import DT_COSINE, DT_EXACT, DT_PAPER, Grid, Mesh, QMaps, Slab, SlabSwitches
 from atmoref.stages.sub_plane import Draws
 from atmoref.tables.q import QDomain, q_table
 from atmoref.techniques.beam_plan import BeamPlan, base_distance, beam_plan, fogs, q_domain, sunlight
@@ -73,13 +73,15 @@ def slab_uniforms(stage: Stage, spot: Spotlight, dt_m: float, table: tuple[float
 
 
 def slab_switches(
-    scene: Scene, spot: Spotlight, params: SpotlightParameters, exact_q: bool, rest: bool
+    stage: Stage, spot: Spotlight, params: SpotlightParameters, exact_q: bool, rest: bool
 ) -> SlabSwitches:
     """Return the uniform choices of the slab stages."""
+    scene = stage.scene
     return SlabSwitches(
         PHASE_FUNCTIONS[scene.medium.phase_function.type], DT_MODES[params.dt_mode], int(exact_q), int(rest),
         int(params.coordinates == "vertex"), params.mesh[0], params.mesh[1], spot.switches.grey_fog,
         spot.switches.parallel,
+        int(stage.setting.device.interpolation == "screen" and stage.setting.arithmetic == "float32"),
     )  # fmt: skip
 
 
@@ -97,12 +99,25 @@ def encoded(setting: Setting, name: str, values: NDArray[np.float64]) -> NDArray
     return decode(encode(values, fmt, setting.device, rounding=setting.rounding_of(fmt)), fmt)
 
 
+def mesh_grid(stage: Stage) -> Grid:
+    """Return where mesh vertices stand on the screen, pixels: normalised coordinates in float32, one fused step."""
+    dtype = stage.setting.dtype
+
+    def axis(cells: int, size: int, shift: float) -> NDArray[Any]:
+        start = cells / size * shift
+        ndc = (2.0 * (np.arange(cells + 1) - start) / cells - 1.0).astype(np.float32).astype(np.float64)
+        return (ndc * (0.5 * size) + 0.5 * size).astype(np.float32).astype(dtype)
+
+    image, mesh = stage.scene.image, stage.params.mesh
+    return Grid(axis(mesh[0], image.width, stage.shift[0]), axis(mesh[1], image.height, stage.shift[1]))
+
+
 def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     """Return the vertex attributes of every main plane: u, v, and c_k as a stored colour (D-E15)."""
     scene, params = stage.scene, stage.params
     if params.coordinates != "vertex":
         nothing = np.zeros(1, stage.setting.dtype)
-        return Mesh(nothing, nothing, nothing)
+        return Mesh(nothing, nothing, nothing, mesh_grid(stage))
     points = (params.mesh[0] + 1) * (params.mesh[1] + 1) * len(plan.main_z)
     stage.setting.require(stage.bank, points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
     ex, ey = mesh_rays(scene, params.mesh)
@@ -120,7 +135,8 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
     sigmas = scene.medium.extinction_per_m[: 1 if spot.switches.grey_fog else 3]
     c = np.stack([exp(-sigma * (span * z)) * factor for sigma in sigmas])
     attributes = (u.ravel(), v, encoded(stage.setting, "vertex_colour", c).ravel())
-    return Mesh(*(array.astype(stage.setting.dtype) for array in attributes))
+    u_k, v_k, c_k = (array.astype(stage.setting.dtype) for array in attributes)
+    return Mesh(u_k, v_k, c_k, mesh_grid(stage))
 
 
 def _sun_mesh(
@@ -139,7 +155,7 @@ def _sun_mesh(
     c = np.stack([exp(-sigma * path) * f for sigma, f in zip(sigmas, factor, strict=False)])
     colours = encoded(stage.setting, "vertex_colour", np.minimum(c, 1.0))
     nothing = np.zeros(1, stage.setting.dtype)
-    return Mesh(nothing, nothing, colours.ravel().astype(stage.setting.dtype))
+    return Mesh(nothing, nothing, colours.ravel().astype(stage.setting.dtype), mesh_grid(stage))
 
 
 def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -> tuple[QMaps, float, float]:
@@ -209,7 +225,7 @@ def slab_pass(stage: Stage, spot: Spotlight, plan: BeamPlan, counters: NDArray[n
         q, span, rest = q_textures(stage, spot, plan, domain)
         table = (*domain.scale_offset(), span, rest)
     slab = slab_uniforms(stage, spot, plan.dt_m, table)
-    choices = slab_switches(scene, spot, params, params.q == "exact", rest > 0.0)
+    choices = slab_switches(stage, spot, params, params.q == "exact", rest > 0.0)
     uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     depth_format = setting.formats["depth"]
     sub_depth = plan.sub_z if params.sub_plane_depth_test else plan.main_z[plan.sub_slab]

@@ -84,18 +84,19 @@ def planes_pass(
     """Return the pass that draws all planes of one light."""
     setting, scene, params = stage.setting, stage.scene, stage.params
     slab = beams.slab_uniforms(stage, spot, dt_m, (0.0,) * 6)
-    choices = beams.slab_switches(scene, spot, params, exact_q=False, rest=False)
+    choices = beams.slab_switches(stage, spot, params, exact_q=False, rest=False)
     uniforms = BeamUniforms(camera_uniforms(scene, stage.shift), spot.uniforms, slab, spot.switches, choices)
     codes = beams.window_codes(scene, z, setting.formats["depth"])
     draws = VertexDraws(z.astype(setting.dtype), codes.astype(setting.dtype))
     colours = vertex_colours(stage, spot, z, dt_m).astype(setting.dtype)
     frame, depth, rules = stage.bank["frame"], stage.bank["depth"], setting.rules("frame")
+    grid = beams.mesh_grid(stage)
 
     def execute(d0: int, d1: int, row0: int, row1: int) -> None:
         trace = probe is not None
         vertex_planes(
             frame.data, depth.data, counters, probe if trace else np.zeros(1), setting.arith, setting.form, rules,
-            uniforms, spot.textures(), colours, spot.solids, draws, stage.window(d0, d1, row0, row1, trace=trace),
+            uniforms, spot.textures(), colours, grid, spot.solids, draws, stage.window(d0, d1, row0, row1, trace=trace),
         )  # fmt: skip
 
     names = tuple(f"{spot.prefix}/plane_{k:03d}" for k in range(len(z)))

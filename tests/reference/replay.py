@@ -36,7 +36,7 @@ def scalar_slabs(c: dict[str, Any], loop: Any = None) -> None:
     real = real_of(c["arith"])
     assert c["window"].d0 == 0
     nodes, weights = (x.astype(real) for x in c["quadrature"])
-    mesh = type(c["mesh"])(*(x.astype(real) for x in c["mesh"]))
+    mesh = c["mesh"]._replace(**{key: getattr(c["mesh"], key).astype(real) for key in "uvc"})
     (loop or compiled_slab_loop(real))(
         c["frame"], c["fast"], c["depth"], lower(real, c["rules"]), lower(real, c["uniforms"]), lower(real, c["maps"]),
         lower(real, c["q"]), mesh, nodes, weights, c["solids"], lowered_draws(real, c["draws"]), c["window"],
@@ -48,7 +48,7 @@ def scalar_planes(c: dict[str, Any], loop: Any = None) -> None:
     real = real_of(c["arith"])
     (loop or compiled_vertex_loop(real))(
         c["frame"], c["depth"], lower(real, c["rules"]), lower(real, c["uniforms"]), lower(real, c["maps"]),
-        c["colours"].astype(real), c["solids"], lowered_draws(real, c["draws"]), c["window"],
+        c["colours"].astype(real), c["grid"], c["solids"], lowered_draws(real, c["draws"]), c["window"],
     )  # fmt: skip
 
 

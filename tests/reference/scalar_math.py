@@ -297,7 +297,7 @@ def make_texture(real: Any) -> SimpleNamespace:
             return a
         return lerp(tex, wy, lerp(tex, wx, a, b), lerp(tex, wx, c, d))
 
-    return SimpleNamespace(bilinear=bilinear, shadow=shadow)
+    return SimpleNamespace(bilinear=bilinear, shadow=shadow, fma=fma)
 
 
 @functools.cache

@@ -48,26 +48,45 @@ def make_q(real: Any, a: Any) -> Any:
     return q_exact
 
 
-def make_mesh(real: Any) -> Any:
-    """Attributes of the triangle a pixel lies in."""
-    half, one = real(0.5), real(1)
+def make_mesh(real: Any, fma: Any) -> Any:
+    """Attributes of the triangle a pixel lies in: barycentric, or as planes over the screen."""
+    zero, half, one, edge = real(0), real(0.5), real(1), real(1.0 - 1e-5)
 
     @inlined
-    def corner(slab, choices, column, row):
+    def corner(slab, choices, grid, column, row):
         x = (real(column) + half) * slab.cells_x + slab.cell_x
         y = (real(row) + half) * slab.cells_y + slab.cell_y
         i, j = min(int(x), choices.mesh_x - 1), min(int(y), choices.mesh_y - 1)
         x, y = x - real(i), y - real(j)
         first = j * (choices.mesh_x + 1) + i
         right, above = first + 1, first + choices.mesh_x + 1
-        if x + y <= one:
-            return first, right, above, x, y
-        return above + 1, above, right, one - x, one - y
+        if choices.screen == 0:
+            if x + y <= one:
+                return first, right, above, x, y, zero, zero, zero, zero, zero, zero, zero, zero
+            return above + 1, above, right, one - x, one - y, zero, zero, zero, zero, zero, zero, zero, zero
+        x0, x1, y0, y1 = real(grid.x[i]), real(grid.x[i + 1]), real(grid.y[j]), real(grid.y[j + 1])
+        if x + y < edge:  # right, first, above
+            a, b, c = right, first, above
+            ax, ay, bx, by, cx, cy = x1, y0, x0, y0, x0, y1
+        else:  # above, opposite, right
+            a, b, c = above, above + 1, right
+            ax, ay, bx, by, cx, cy = x0, y1, x1, y1, x1, y0
+        ex, ey, fx, fy = ax - bx, ay - by, cx - ax, cy - ay
+        r = one / (ex * fy - fx * ey)
+        return (
+            a, b, c, zero, zero, ex * r, ey * r, fx * r, fy * r, ax - half, ay - half, real(column), real(row),
+        )  # fmt: skip
 
     @inlined
-    def attribute(values, base, corner):
-        a = values[base + corner[0]]
-        return a + corner[3] * (values[base + corner[1]] - a) + corner[4] * (values[base + corner[2]] - a)
+    def attribute(values, base, choices, corner):
+        a, b, c = values[base + corner[0]], values[base + corner[1]], values[base + corner[2]]
+        if choices.screen == 0:
+            return a + corner[3] * (b - a) + corner[4] * (c - a)
+        e, f = a - b, c - a
+        dx = e * corner[8] - f * corner[6]
+        dy = f * corner[5] - e * corner[7]
+        start = a - (dx * corner[9] + dy * corner[10])
+        return real(fma(dy, corner[12], real(fma(dx, corner[11], start))))
 
     return corner, attribute
 
@@ -81,7 +100,7 @@ def slab_loop(real: Any) -> Any:
     camera_ray, light_ray, illuminate = light.camera_ray, light.light_ray, light.illuminate
     zero, one = real(0), real(1)
     q_exact = make_q(real, a)
-    corner_of, attribute = make_mesh(real)
+    corner_of, attribute = make_mesh(real, a.texture.fma)
 
     @inlined
     def table(q, channel, slab, choices, u, v):
@@ -96,7 +115,7 @@ def slab_loop(real: Any) -> Any:
     def slow(c, sigma, source, slab, choices, q, mesh, nodes, weights, span, corner, u, v, t, k, planes):
         """c_k q(u, v) of one channel."""
         if choices.vertex != 0:
-            factor = attribute(mesh.c, (c * planes + k) * (choices.mesh_x + 1) * (choices.mesh_y + 1), corner)
+            factor = attribute(mesh.c, (c * planes + k) * (choices.mesh_x + 1) * (choices.mesh_y + 1), choices, corner)
         else:
             factor = exp(-(t * sigma))
             if choices.dt_mode == 1:
@@ -125,7 +144,7 @@ def slab_loop(real: Any) -> Any:
                 cz = ray[0] * slab.cross_az + ray[1] * slab.cross_bz + slab.cross_cz
                 v = math.sqrt(cx * cx + cy * cy + cz * cz) / span
                 along = (ray[2] * slab.from_x + ray[3] * slab.from_y + ray[4] * slab.from_z) / span
-                corner = corner_of(slab, choices, column, row)
+                corner = corner_of(slab, choices, mesh.grid, column, row)
                 r, g, b = real(frame[p]), real(frame[p + size]), real(frame[p + 2 * size])
                 for k in range(planes):
                     if draws.first[k] + k >= window.d1:
@@ -152,8 +171,8 @@ def slab_loop(real: Any) -> Any:
                     t = span * z
                     u_k, v_k = along + t, v
                     if choices.vertex != 0:
-                        u_k = attribute(mesh.u, k * vertices, corner)
-                        v_k = attribute(mesh.v, 0, corner)
+                        u_k = attribute(mesh.u, k * vertices, choices, corner)
+                        v_k = attribute(mesh.v, 0, choices, corner)
                     f_r = slow(
                         0, slab.sigma_r, slab.source_r, slab, choices, q, mesh, nodes, weights, span, corner, u_k, v_k,
                         t, k, planes,

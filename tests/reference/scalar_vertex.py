@@ -17,16 +17,16 @@ def vertex_loop(real: Any) -> Any:
     exp, add, phase = a.exp, a.store.add, a.phase
     camera_ray, light_ray, illuminate = light.camera_ray, light.light_ray, light.illuminate
     zero, least = real(0), real(1e-6)
-    corner_of, attribute = make_mesh(real)
+    corner_of, attribute = make_mesh(real, a.texture.fma)
 
     @inlined
     def source(c, strength, sigma, choices, colours, corner, common, path, k, planes):
         if choices.vertex != 0:
-            return attribute(colours, (c * planes + k) * (choices.mesh_x + 1) * (choices.mesh_y + 1), corner)
+            return attribute(colours, (c * planes + k) * (choices.mesh_x + 1) * (choices.mesh_y + 1), choices, corner)
         return strength * common * exp(-(path * sigma))
 
     @inlined
-    def loop(frame, depth, rules, uniforms, switches, choices, maps, colours, solids, draws, window):
+    def loop(frame, depth, rules, uniforms, switches, choices, maps, colours, grid, solids, draws, window):
         camera, spot, slab = uniforms.camera, uniforms.spot, uniforms.slab
         size, planes = window.height * window.pitch, draws.z.size
         for row in range(window.row0, window.row1):
@@ -34,7 +34,7 @@ def vertex_loop(real: Any) -> Any:
                 p = row * window.pitch + column
                 ray = camera_ray(camera, column, row)
                 lit = light_ray(spot, ray)
-                corner = corner_of(slab, choices, column, row)
+                corner = corner_of(slab, choices, grid, column, row)
                 r, g, b = real(frame[p]), real(frame[p + size]), real(frame[p + 2 * size])
                 for k in range(window.d0, window.d1):
                     z = draws.z[k]
@@ -69,7 +69,7 @@ def compiled_vertex_loop(real: Any) -> Any:
     loop = vertex_loop(real)
 
     @entry
-    def planes(frame, depth, rules, uniforms, maps, colours, solids, draws, window):
+    def planes(frame, depth, rules, uniforms, maps, colours, grid, solids, draws, window):
         loop(
             frame,
             depth,
@@ -79,6 +79,7 @@ def compiled_vertex_loop(real: Any) -> Any:
             uniforms.slab_switches,
             maps,
             colours,
+            grid,
             solids,
             draws,
             window,
@@ -92,7 +93,7 @@ def specialised_vertex_loop(real: Any, switches: Any, choices: Any) -> Any:
     loop = vertex_loop(real)
 
     @entry
-    def planes(frame, depth, rules, uniforms, maps, colours, solids, draws, window):
-        loop(frame, depth, rules, uniforms, switches, choices, maps, colours, solids, draws, window)
+    def planes(frame, depth, rules, uniforms, maps, colours, grid, solids, draws, window):
+        loop(frame, depth, rules, uniforms, switches, choices, maps, colours, grid, solids, draws, window)
 
     return planes

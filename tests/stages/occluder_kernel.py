@@ -9,7 +9,7 @@ import numpy as np
 
 from atmoref._jit import kernel
 from atmoref.lanes import Double, N, Single, lift, load, select, spread_int, store
-from atmoref.stages.ray_cast import OCCLUDER, Solids, occluded
+from atmoref.stages.ray_cast import OCCLUDER, Solids, occluded, origin
 
 
 @kernel
@@ -17,7 +17,7 @@ def shade(out, arith, solids, dx, dy, dz, own):  # type: ignore[no-untyped-def]
     """Write 1 where a segment is cut, else 0."""
     for i in range(0, out.shape[0], N):
         d = load(dx, i), load(dy, i), load(dz, i)
-        cut = occluded(arith, solids, d[0], d[1], d[2], spread_int(numba.int32(own)))
+        cut = occluded(arith, solids, origin(arith), d[0], d[1], d[2], spread_int(numba.int32(own)))
         store(out, i, select(cut, d[0] * 0.0 + 1.0, lift(arith, spread_int(numba.int32(0)))))
 
 

@@ -96,11 +96,14 @@ def test_vertex_attributes_follow_the_stated_rule() -> None:
 @needs_device
 @known_device
 @pytest.mark.parametrize("technique", ["beams", "beams_vertex"])
-def test_interpolation_is_all_that_a_mesh_changes(technique: str) -> None:
+def test_the_mirror_interpolates_a_mesh_as_the_device_does(technique: str) -> None:
+    """Every bit in float32; a fragment that interpolates within the triangle, as other devices may, is seen."""
     overrides = ("technique.coordinates=vertex", "technique.mesh=[7,11]", "buffers.format=float32")
     extra = ("technique.interval_m=5.0",) if technique == "beams" else ("technique.planes=9",)
-    same, _ = every_stage("quick", *overrides, *extra, technique=technique, mesh_in_shader=True)
+    same, _ = every_stage("quick", *overrides, *extra, technique=technique)
     assert {f.fraction for f in same} == {1.0}
+    other, _ = every_stage("quick", *overrides, *extra, technique=technique, mesh_in_shader=True)
+    assert min(f.fraction for f in other) < 1.0
 
 
 def test_a_linear_attribute_is_interpolated_exactly() -> None:
@@ -152,14 +155,10 @@ def test_shaders_include_what_they_name() -> None:
 @pytest.mark.parametrize("fmt", FORMATS)
 @pytest.mark.parametrize("scene", ["fig4a", "fig4c", "two_lights"])
 def test_full_pictures(scene: str, fmt: str, coordinates: str) -> None:
-    """Per pixel >= 99.9 % at all targets; per vertex interpolation is left: measured 0.7566 in float32, else 0.9984."""
+    """At least 99.9 % of the pixels at all targets; measured: all of them."""
     (case,) = load(scene, (f"buffers.format={fmt}", f"technique.coordinates={coordinates}"))
     found = whole(case, BUILD.Build(CONTEXT, case))
-    left = 0.5 if fmt == "float32" else 0.998
-    assert found.fraction >= (ENOUGH if coordinates == "pixel" else left), found
-    if coordinates == "vertex":
-        same = whole(case, BUILD.Build(CONTEXT, case, mesh_in_shader=True))
-        assert same.fraction >= ENOUGH, same
+    assert found.fraction >= ENOUGH, found
 
 
 @needs_device

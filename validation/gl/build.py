@@ -63,7 +63,7 @@ class Build:
     scissor : bool
         Sub-planes and planes are drawn inside the screen rectangle of the light's pyramid only.
     mesh_in_shader : bool
-        The fragment interpolates between mesh vertices by the mirror's rule instead of the rasteriser by its own.
+        The fragment interpolates between mesh vertices, within the triangle, instead of the rasteriser by its own rule.
     """
 
     def __init__(

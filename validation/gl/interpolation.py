@@ -12,7 +12,8 @@ multiply-add); everything is float32, `fma` rounds once.
 4. At pixel (i, j): fma(dy, j, fma(dx, i, c)).
 5. A centre on the edge from lower right to upper left belongs to the triangle above it.
 
-The mirror interpolates in the triangle instead, a + wb (b - a) + wc (c - a), and gives such a centre to the one below.
+The mirror does so for the device `gl_llvmpipe`.  For others it interpolates in the triangle,
+a + wb (b - a) + wc (c - a), and gives such a centre to the one below.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def interpolated(attribute: Single, mesh: tuple[int, int], size: tuple[int, int]
 
 
 def mirrored(attribute: Single, mesh: tuple[int, int], size: tuple[int, int]) -> Single:
-    """Return the same as the mirror interpolates it (float32, nothing fused)."""
+    """Return the same as the mirror interpolates it for other devices (float32, nothing fused)."""
     (columns, rows), (width, height), one = mesh, size, np.float32(1.0)
     x = (np.arange(width, dtype=np.float32) + np.float32(0.5)) * np.float32(columns / width)
     y = ((np.arange(height, dtype=np.float32) + np.float32(0.5)) * np.float32(rows / height))[:, None]

@@ -35,7 +35,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--native-exp", action="store_true", help="exp of the device instead of the mirror's")
     parser.add_argument("--no-discard", action="store_true", help="OpenGL blends fragments without light as well")
     parser.add_argument("--scissor", action="store_true", help="OpenGL draws planes only where the light can reach")
-    parser.add_argument("--mesh-in-shader", action="store_true", help="OpenGL interpolates vertices as the mirror does")
+    parser.add_argument("--mesh-in-shader", action="store_true", help="the fragment interpolates, within the triangle")
     parser.add_argument("--least", type=float, default=0.0, help="least fraction of equal pixels for exit code 0")
     return parser.parse_args(given)
 
