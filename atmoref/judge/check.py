@@ -7,7 +7,7 @@ compared with that, and then takes its place.  So an error is found where it is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.judge.allowance import Allowed, BoundsOfDraw, DrawAsked, tolerance
-from atmoref.judge.diagnosis import Explanation, Found, diagnose
+from atmoref.judge.diagnosis import Explanation, Found, combined, diagnose
 from atmoref.judge.dumps import DumpDirectory, DumpError, Entry, open_dump, read_entry
 from atmoref.judge.plan import Group, Plan, Stored, make_plan
 from atmoref.scene import Scene
 
-MOST_DIAGNOSED = 3
+MOST_DIAGNOSED = 6
+MOST_OF_A_KIND = 3
 Progress = Callable[[str, float], None]
 
 
@@ -120,6 +121,11 @@ class CheckVerdict:
         """The first draw that left its bounds."""
         return next((draw for draw in self.draws if not draw.passed), None)
 
+    @property
+    def cause(self) -> Explanation | None:
+        """The class and sentence that explain the failing draws that were looked into; None where all passed."""
+        return combined([draw.explanations for draw in self.draws if draw.explanations])
+
 
 def check(
     directory: str | Path,
@@ -196,7 +202,9 @@ class _Walk:
         mask: NDArray[np.bool_] | None, diagnose: int,
     ) -> None:  # fmt: skip
         self.scene, self.plan, self.dump, self.bounds, self.mask = scene, plan, dump, bounds_of_draw, mask
-        self.left, self.diagnosed = diagnose, set[str]()
+        self.left = diagnose
+        self.looked_into: dict[str, list[float]] = {}
+        self.tied: set[str] = set()  # kinds of draws whose cause is not clear yet
         self.pictures: dict[str, tuple[NDArray[Any], ...]] = {}
         self.by_draw: dict[str, list[Entry]] = {}
         for entry in dump.entries:
@@ -233,15 +241,29 @@ class _Walk:
             mirror = self.plan.stored(entry.buffer)
             build = read_entry(entry, (*mirror.shape[:2], mirror.shape[2]))
             verdict, found = self._verdict(entry, build, mirror, group, before)
-            key = entry.buffer + "/" + name.rpartition("/")[2]
-            if not verdict.passed and self.left > 0 and key not in self.diagnosed:
-                self.left -= 1
-                self.diagnosed.add(key)
+            if not verdict.passed and self._worth_it(entry, verdict):
                 self.pictures[verdict.name] = (build, mirror, found.low, found.high)
-                verdict = _explained(verdict, diagnose(self.scene, self.plan, found))
+                explanations = diagnose(self.scene, self.plan, found)
+                kind = entry.buffer + "/" + name.rpartition("/")[2].split("_")[0]
+                self.tied.discard(kind)
+                if len(explanations) > 1 and explanations[1].left < explanations[0].left + 0.05:
+                    self.tied.add(kind)
+                verdict = replace(verdict, explanations=explanations)
             stored[entry.buffer] = _in_format(build, entry, self.plan)
             yield verdict
         self.plan.put(stored)
+
+    def _worth_it(self, entry: Entry, verdict: DrawVerdict) -> bool:
+        """Decide whether to look into a draw: the first of its kind; more while causes tie, or one is twice as wrong."""
+        kind = entry.buffer + "/" + entry.draw.rpartition("/")[2].split("_")[0]
+        wrong = float("inf") if verdict.worst is None else abs(verdict.worst.build - verdict.worst.mirror)
+        earlier = self.looked_into.setdefault(kind, [])
+        clear = kind not in self.tied and (not earlier or wrong < 2.0 * earlier[-1])
+        if self.left <= 0 or len(earlier) >= MOST_OF_A_KIND or (earlier and clear):
+            return False
+        self.left -= 1
+        earlier.append(wrong)
+        return True
 
     def _texture(self, entry: Entry) -> DrawVerdict:
         """Judge a texture that the host made before the first draw."""
@@ -250,7 +272,7 @@ class _Walk:
         verdict, found = self._verdict(entry, build, mirror, (), {})
         if not verdict.passed and self.left > 0:
             self.left -= 1
-            verdict = _explained(verdict, diagnose(self.scene, self.plan, found))
+            verdict = replace(verdict, explanations=diagnose(self.scene, self.plan, found))
         if entry.buffer.endswith("light_map"):
             self.plan.put({entry.buffer: _in_format(build, entry, self.plan)})
         return verdict
@@ -298,12 +320,6 @@ def judge_texels(
     return DrawVerdict(
         entry.draw, entry.buffer, entry.format.name, drawn, allowed.name, pixels, outside, off, passed, worst
     )
-
-
-def _explained(verdict: DrawVerdict, explanations: tuple[Explanation, ...]) -> DrawVerdict:
-    from dataclasses import replace
-
-    return replace(verdict, explanations=explanations)
 
 
 def _rescaled(build: NDArray[Any], entry: Entry, top: int | None) -> NDArray[Any]:

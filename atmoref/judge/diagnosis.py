@@ -8,14 +8,15 @@ the difference; the verdict names the best ones with what they leave over.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref.buffers.formats import FORMATS, Format, decode
+from atmoref.buffers.device import Device, Rounding
+from atmoref.buffers.formats import FORMATS, Format, decode, encode
 from atmoref.judge.plan import Group, Plan, Stored
 from atmoref.scene import Scene
 
@@ -34,7 +35,8 @@ KINDS = (STORAGE, ROUNDING, FILTER, HALF_TEXEL, ORDER, BLEND, SHADOW, PLANES, FO
 
 EXPLAINS = 0.35
 """A hypothesis counts where the rms difference falls below this fraction of what it was."""
-MOST_TOLD = 4
+SMALL_SHARE = 0.02
+"""An unexplained difference of less than this share of what was drawn is laid to a read, not to a formula."""
 FINE_STEPS = 2.0
 """An unexplained difference of at most so many codes (steps of a float format) is said to be rounding."""
 
@@ -102,18 +104,36 @@ def diagnose(scene: Scene, plan: Plan, found: Found) -> tuple[Explanation, ...]:
         return (Explanation(STORAGE, told, 0.0),)
     plain = _rms(found.build_values - found.values(found.mirror), found.judged)
     told_by: list[Explanation] = []
-    if coarse := coarser_format(found):
-        told_by.append(Explanation(STORAGE, f"every value is one of {coarse}, not of {found.expected.name} alone", 0.0))
     for guess in _all(scene, plan, found, guesses):
         if guess.values.shape != found.build.shape:
             continue
         left = _rms(guess.values - found.build_values, found.judged) / plain if plain > 0.0 else 1.0
         if left < EXPLAINS:
             told_by.append(Explanation(guess.kind, guess.sentence, left))
+    told_by += _coarser(found, plain)
     told_by.sort(key=lambda told: round(told.left, 3))  # of equal ones the first
-    if told_by and told_by[0].left < EXPLAINS:
-        return tuple(told_by[:MOST_TOLD])
-    return (_unexplained(found),)
+    best: dict[str, Explanation] = {}
+    for told in told_by:
+        best.setdefault(told.kind, told)
+    return tuple(best.values()) or (_unexplained(found),)
+
+
+def combined(told: Sequence[tuple[Explanation, ...]]) -> Explanation | None:
+    """Return the cause that explains most of several draws: their mistakes are taken to be one; of equal ones the first.
+
+    Where several causes explain the first draw (a small one, often), the others decide between them.
+    """
+    scores: dict[str, float] = {}
+    for explanations in told:
+        for one in explanations:
+            if one.left < EXPLAINS:
+                scores[one.kind] = scores.get(one.kind, 0.0) + 1.0 - one.left
+    if not scores:
+        return told[0][0] if told else None
+    most = max(scores.values())
+    kind = next(kind for kind, score in scores.items() if score > most - 0.02)
+    every = [one for explanations in told for one in explanations if one.kind == kind and one.left < EXPLAINS]
+    return min(every, key=lambda one: round(one.left, 3))
 
 
 def _all(scene: Scene, plan: Plan, found: Found, guesses: Any) -> Iterator[Guess]:
@@ -133,20 +153,39 @@ def _all(scene: Scene, plan: Plan, found: Found, guesses: Any) -> Iterator[Guess
 
 
 def _unexplained(found: Found) -> Explanation:
-    """Return what is left to say: an error of a step or two is rounding, all else is present in float too."""
-    difference = np.abs(found.build_values - found.values(found.mirror)) * found.judged[..., None]
-    worst = float(difference.max())
+    """Return what is left to say, by size: a step or two is rounding, a small part of what was drawn is a read's."""
+    mirror = found.values(found.mirror)
+    difference = np.abs(found.build_values - mirror) * found.judged[..., None]
+    worst, peak = float(difference.max()), float(np.abs(mirror).max())
     if found.expected.kind == "unorm":
         steps = worst * found.expected.top
     else:
-        mantissa = found.expected.mantissa()
-        size = np.maximum(np.abs(found.values(found.mirror)), 2.0**found.expected.least_exponent)
-        steps = float((difference / size).max()) * 2.0**mantissa
+        steps = float((difference / np.maximum(np.abs(mirror), 0.01 * peak + 1e-300)).max()) * 2.0**found.expected.mantissa()
     if steps <= FINE_STEPS + 1e-6:
         return Explanation(ROUNDING, f"no single rule of a device explains it; at most {steps:.3g} steps apart", 1.0)
-    return Explanation(
-        FORMULA, f"no hypothesis explains it; up to {steps:.4g} steps apart, so it would be there in float, too", 1.0
-    )
+    before = found.previous()
+    drawn = mirror if before is None or not found.buffer.endswith("frame") else mirror - before
+    share = _rms(difference, found.judged) / max(_rms(drawn, found.judged), 1e-300)
+    if share < SMALL_SHARE:
+        told = f"no hypothesis explains it, but it is {share:.2%} of what was drawn: a read, or its coordinates"
+        return Explanation(FILTER, told, 1.0)
+    told = f"no hypothesis explains it; it is {share:.2%} of what was drawn, so it would be there in float, too"
+    return Explanation(FORMULA, told, 1.0)
+
+
+def _coarser(found: Found, plain: float) -> list[Explanation]:
+    """Return the explanation by a coarser format, if rounding what the mirror stored to it goes towards the build."""
+    name = coarser_format(found)
+    if not name:
+        return []
+    fmt, left = FORMATS[name], 1.0
+    roundings: tuple[Rounding, ...] = ("nearest_even", "truncate")
+    for rounding in roundings:
+        device = Device("supposed", rounding=rounding, float_rounding=rounding)
+        rounded = decode(encode(found.values(found.mirror), fmt, device), fmt)
+        left = min(left, _rms(rounded - found.build_values, found.judged) / plain)
+    told = f"every value is one of {name}, not of {found.expected.name} alone"
+    return [Explanation(STORAGE, told, min(left, 0.5 * EXPLAINS))] if left < 1.0 else []
 
 
 def coarser_format(found: Found) -> str:

@@ -230,13 +230,6 @@ def _changes(plan: Plan, held: Mapping[str, Any]) -> Iterator[tuple[str, str, Ch
     """Yield changes of a pass's uniforms: where pixels and texels are, how far, how deep."""
     for dx, dy in ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1)):
         yield HALF_TEXEL, f"pixel centres are off by {dx / 2}, {dy / 2}", _moved_camera(0.5 * dx, 0.5 * dy)
-    light_map = next((b for n, b in plan.bank.items() if n.endswith("light_map")), None)
-    shadow_map = next((b for n, b in plan.bank.items() if n.endswith("shadow_map")), None)
-    for dx, dy in ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1)):
-        for buffer in (light_map, shadow_map):
-            if buffer is not None:
-                told = f"reads of {buffer.name} are off by {dx / 2}, {dy / 2} texels"
-                yield HALF_TEXEL, told, _moved_light(0.5 * dx / buffer.width, 0.5 * dy / buffer.height)
     uniforms = held.get("uniforms")
     q = next((b for n, b in plan.bank.items() if n.endswith("/q")), None)
     if uniforms is not None and hasattr(uniforms, "slab"):
@@ -320,6 +313,38 @@ def _textures(plan: Plan, found: Found) -> Iterator[Guess]:
             with contextlib.suppress(ValueError, KeyError):
                 yield Guess(kind, sentence, _reading(plan, found, at, name, changed))
     yield from _reversed_compare(plan, found, at, f"{prefix}/shadow_map")
+    yield from _half_texels(plan, found, at, prefix)
+
+
+def _half_texels(plan: Plan, found: Found, at: int, prefix: str) -> Iterator[Guess]:
+    """Yield guesses that one of the light's two maps is read half a texel off; both are read at the same u, v.
+
+    u and v move for both; the other map's texels move along with them, so that its reads stay where they were.
+    """
+    light, shadow = (plan.bank.get(f"{prefix}/{name}") for name in ("light_map", "shadow_map"))
+    if light is None or shadow is None:
+        return
+    held = given(plan.passes[at])
+    for moved, other in ((light, shadow), (shadow, light)):
+        for dx, dy in ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1)):
+            du, dv = 0.5 * dx / moved.width, 0.5 * dy / moved.height
+            texels = _shifted(found.before.get(other.name, other.codes()), du * other.width, -dv * other.height)
+            inputs = _replaced(held, _moved_light(du, dv))
+            told = f"{moved.name} is read {dx / 2}, {dy / 2} texels off"
+            with contextlib.suppress(ValueError, KeyError, AttributeError):
+                yield Guess(HALF_TEXEL, told, _reading(plan, found, at, other.name, retextured(other, texels), inputs))
+
+
+def _shifted(texels: NDArray[Any], right: float, down: float) -> NDArray[Any]:
+    """Return texels moved to the right and down by parts of a texel, linearly, edges repeated."""
+    height, width, _ = texels.shape
+    rows, columns = (np.clip(np.arange(n) - d, 0, n - 1) for n, d in ((height, down), (width, right)))
+    values = texels.astype(np.float64)
+    y0, x0 = (np.minimum(np.floor(a).astype(int), a.size - 2) for a in (rows, columns))
+    wy, wx = (rows - y0)[:, None, None], (columns - x0)[None, :, None]
+    values = values[y0] * (1 - wy) + values[y0 + 1] * wy
+    values = values[:, x0] * (1 - wx) + values[:, x0 + 1] * wx
+    return np.rint(values).astype(texels.dtype) if texels.dtype.kind == "u" else values.astype(texels.dtype)
 
 
 def _texture_changes(told: str, original: Any, texels: NDArray[Any]) -> Iterator[tuple[str, str, Any]]:
@@ -340,8 +365,10 @@ def _texture_changes(told: str, original: Any, texels: NDArray[Any]) -> Iterator
             yield GAMMA, f"{told} is {sentence} when it is read", retextured(original, codes)
 
 
-def _reading(plan: Plan, found: Found, at: int, name: str, changed: Any) -> Values:
-    """Return the buffer's values when another texture is read; the texture is put back."""
+def _reading(
+    plan: Plan, found: Found, at: int, name: str, changed: Any, inputs: Mapping[str, Any] | None = None
+) -> Values:
+    """Return the buffer's values when another texture is read, with other inputs if given; all is put back."""
     original = plan.bank[name]
     if name.endswith("/q"):
         held = given(plan.passes[at])
@@ -349,14 +376,15 @@ def _reading(plan: Plan, found: Found, at: int, name: str, changed: Any) -> Valu
             raise KeyError(name)
         return _with(plan, found, at, {"q": held["q"]._replace(**{held["q"]._fields[0]: plan.setting.texture(changed)})})
     layers = {key: texels for key, texels in found.before.items() if key != name}
-    plan.bank[name] = changed
+    plan.bank[name], original_pass = changed, plan.passes[at]
+    plan.passes[at] = original_pass if inputs is None else with_inputs(original_pass, inputs)
     try:
         plan.put({k: v for k, v in layers.items() if k.rpartition("/")[2] in ("frame", "f_h", "depth", "shadow_map")})
         plan.upload()
         plan.draw(found.group)
         return found.values(plan.stored(found.buffer))
     finally:
-        plan.bank[name] = original
+        plan.bank[name], plan.passes[at] = original, original_pass
 
 
 def _reversed_compare(plan: Plan, found: Found, at: int, name: str) -> Iterator[Guess]:
