@@ -1,4 +1,4 @@
-"""``atmoref check``: a GPU build's dump, draw by draw; ``atmoref accept``: a new baseline with the size of its change."""
+"""``atmoref check``: a build's dump, draw by draw; ``atmoref accept``: a new baseline and the size of its change."""
 
 from __future__ import annotations
 
@@ -58,9 +58,7 @@ def check(
     from atmoref.report import check_json, check_table
 
     with working(f"check {question.name}") as waiting:
-        verdict = judge(
-            directory, question, technique=technique, mask=judged, diagnosed=diagnose, progress=waiting
-        )
+        verdict = judge(directory, question, technique=technique, mask=judged, diagnosed=diagnose, progress=waiting)
     for path in report or ():
         _write(path, verdict)
     typer.echo(json.dumps(check_json(verdict), indent=1) if as_json else check_table(verdict))

@@ -59,8 +59,8 @@ def compare(
 
     Without a limit the verdict is "measured" and the exit code 0.
     """
-    from atmoref.cli.pictures import check_output
     from atmoref.cli.checking import judged_pixels
+    from atmoref.cli.pictures import check_output
     from atmoref.compare import Limits, difference_image
     from atmoref.compare import compare as judge
     from atmoref.images import Image, write

@@ -53,9 +53,7 @@ def ktx2_bytes(texels: NDArray[np.generic], fmt: Format) -> bytes:
     unit = size * channels
     step = unit * 4 // np.gcd(unit, 4)
     at_data = -(-(at_entries + len(entries)) // step) * step
-    head = IDENTIFIER + struct.pack(
-        "<9I", VK_FORMATS[kind, size][channels], size, width, height, 0, 0, 1, 1, 0
-    )
+    head = IDENTIFIER + struct.pack("<9I", VK_FORMATS[kind, size][channels], size, width, height, 0, 0, 1, 1, 0)
     head += struct.pack("<4I2Q", at_descriptor, len(descriptor), at_entries, len(entries), 0, 0)
     head += struct.pack("<3Q", at_data, len(data), len(data))
     body = head + descriptor + entries

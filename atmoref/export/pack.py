@@ -139,7 +139,7 @@ class _Pack:
         self.textures.append(told | {"files": [f"inputs/{stem}{s}" for s in (".exr", ".ktx2", ".raw", ".json", ".h")]})
 
     def _draws(self) -> None:
-        """Draw everything, and write what each draw stored with its bounds; sub-planes of a slab once, after the last."""
+        """Draw everything, and write what each draw stored with its bounds; of the sub-planes of a slab, the last."""
         plan = self.plan
         before = {name: plan.stored(name) for name in plan.bank}
         group: list[tuple[int, int, int]] = []
@@ -183,8 +183,7 @@ def _digest(path: Path) -> str:
 
 def _uniforms(held: dict[str, Any]) -> dict[str, Any]:
     """Return what a pass gives its shader, and nothing of what the program keeps around it."""
-    found = {name: held[name] for name in ("uniforms", "blocks", "draws", "size") if name in held}
-    return found
+    return {name: value for name, value in held.items() if name in ("uniforms", "blocks", "draws", "size")}
 
 
 def _plain(value: Any) -> Any:

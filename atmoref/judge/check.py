@@ -242,7 +242,9 @@ class _Walk:
             build = read_entry(entry, (*mirror.shape[:2], mirror.shape[2]))
             verdict, found = self._verdict(entry, build, mirror, group, before)
             if not verdict.passed and self._worth_it(entry, verdict):
-                self.pictures[verdict.name] = (build, mirror, found.low, found.high)
+                top = found.expected.top if found.expected.kind == "unorm" else None
+                shown = build if found.format is found.expected else _rescaled(build, entry, top)
+                self.pictures[verdict.name] = (shown, mirror, found.low, found.high)
                 explanations = diagnose(self.scene, self.plan, found)
                 kind = entry.buffer + "/" + name.rpartition("/")[2].split("_")[0]
                 self.tied.discard(kind)
@@ -254,7 +256,7 @@ class _Walk:
         self.plan.put(stored)
 
     def _worth_it(self, entry: Entry, verdict: DrawVerdict) -> bool:
-        """Decide whether to look into a draw: the first of its kind; more while causes tie, or one is twice as wrong."""
+        """Decide whether to look into a draw: the first of its kind; more while causes tie or it is twice as wrong."""
         kind = entry.buffer + "/" + entry.draw.rpartition("/")[2].split("_")[0]
         wrong = float("inf") if verdict.worst is None else abs(verdict.worst.build - verdict.worst.mirror)
         earlier = self.looked_into.setdefault(kind, [])
@@ -282,9 +284,7 @@ class _Walk:
     ) -> tuple[DrawVerdict, Found]:
         expected = self.plan.bank[entry.buffer].format
         draws = tuple((self.plan.passes[at], first, last) for at, first, last in group)
-        allowed = self.bounds(
-            DrawAsked(entry.draw, entry.buffer, draws, before, self.plan.bank, mirror, expected)
-        )
+        allowed = self.bounds(DrawAsked(entry.draw, entry.buffer, draws, before, self.plan.bank, mirror, expected))
         judged = self._mask(mirror.shape)
         other = entry.format.name != expected.name
         test = _rescaled(build, entry, expected.top if expected.kind == "unorm" else None) if other else build

@@ -1,8 +1,8 @@
-"""Why a draw left its bounds: each hypothesis is one mistake, made on purpose, and asked whether it gives the build's bits.
+"""Why a draw left its bounds: each hypothesis is a mistake made on purpose, asked whether it gives the build's bits.
 
 The mirror draws the same group of draws again from the build's own previous buffers, with another rule of the device,
-another texture, other uniforms or another reading of the paper.  A hypothesis explains a draw when it takes away most of
-the difference; the verdict names the best ones with what they leave over.
+another texture, other uniforms or another reading of the paper.  A hypothesis explains a draw when it takes away most
+of the difference; the verdict names the best ones with what they leave over.
 """
 
 from __future__ import annotations
@@ -113,13 +113,13 @@ def diagnose(scene: Scene, plan: Plan, found: Found) -> tuple[Explanation, ...]:
     told_by += _coarser(found, plain)
     told_by.sort(key=lambda told: round(told.left, 3))  # of equal ones the first
     best: dict[str, Explanation] = {}
-    for told in told_by:
-        best.setdefault(told.kind, told)
+    for one in told_by:
+        best.setdefault(one.kind, one)
     return tuple(best.values()) or (_unexplained(found),)
 
 
 def combined(told: Sequence[tuple[Explanation, ...]]) -> Explanation | None:
-    """Return the cause that explains most of several draws: their mistakes are taken to be one; of equal ones the first.
+    """Return the cause that explains most of several draws: they are taken to have one cause; of equals the first.
 
     Where several causes explain the first draw (a small one, often), the others decide between them.
     """
@@ -143,6 +143,7 @@ def _all(scene: Scene, plan: Plan, found: Found, guesses: Any) -> Iterator[Guess
     try:
         yield from whole_buffer(found)
         yield from guesses(scene, plan, found)
+        yield from _factor(found)
     finally:
         plan.bank.clear()
         plan.bank.update(bank)
@@ -160,7 +161,10 @@ def _unexplained(found: Found) -> Explanation:
     if found.expected.kind == "unorm":
         steps = worst * found.expected.top
     else:
-        steps = float((difference / np.maximum(np.abs(mirror), 0.01 * peak + 1e-300)).max()) * 2.0**found.expected.mantissa()
+        steps = (
+            float((difference / np.maximum(np.abs(mirror), 0.01 * peak + 1e-300)).max())
+            * 2.0 ** found.expected.mantissa()
+        )
     if steps <= FINE_STEPS + 1e-6:
         return Explanation(ROUNDING, f"no single rule of a device explains it; at most {steps:.3g} steps apart", 1.0)
     before = found.previous()
@@ -191,7 +195,8 @@ def _coarser(found: Found, plain: float) -> list[Explanation]:
 def coarser_format(found: Found) -> str:
     """Return a coarser format that holds every value of the build and not the mirror's, or an empty text."""
     names = {
-        "unorm16": ("unorm8", "unorm10", "unorm12"), "float16": ("unorm8",), "unorm10": ("unorm8",), "unorm12": ("unorm8",),
+        "unorm16": ("unorm8", "unorm10", "unorm12"), "float16": ("unorm8",), "unorm10": ("unorm8",),
+        "unorm12": ("unorm8",),
         "float32": ("unorm8", "unorm10", "unorm12", "unorm16", "float16", "r11g11b10f"), "depth24": ("unorm16",),
     }.get(found.expected.name, ())  # fmt: skip
     build, mirror = found.build_values[found.judged], found.values(found.mirror)[found.judged]
@@ -216,7 +221,7 @@ def _share_in(values: NDArray[np.float64], fmt: Format, held_in: Format) -> floa
 
 
 def whole_buffer(found: Found) -> Iterator[Guess]:
-    """Yield guesses that need no drawing: turned pictures, transfer functions, blend functions, one factor."""
+    """Yield guesses that need no drawing: turned pictures and transfer functions."""
     from atmoref.images import srgb_decode, srgb_encode
 
     mirror, before = found.values(found.mirror), found.previous()
@@ -233,11 +238,17 @@ def whole_buffer(found: Found) -> Iterator[Guess]:
         yield Guess(GAMMA, "the target is sRGB: decoded, blended, encoded", srgb_encode(np.clip(linear + drawn, 0, 1)))
         yield Guess(GAMMA, "the source is sRGB-encoded before the blend", before + srgb_encode(np.clip(drawn, 0, 1)))
         yield Guess(GAMMA, "the source is sRGB-decoded before the blend", before + srgb_decode(np.clip(drawn, 0, 1)))
-        yield from _factor(found, drawn, before)
 
 
-def _factor(found: Found, drawn: NDArray[np.float64], before: NDArray[np.float64]) -> Iterator[Guess]:
-    """Yield the guess of one factor on what was drawn, by least squares over what the format did not clip."""
+def _factor(found: Found) -> Iterator[Guess]:
+    """Yield the guess of one factor on what was drawn, by least squares over what the format did not clip.
+
+    The last of all: other mistakes that come to a factor say more.
+    """
+    before = found.previous()
+    if before is None or found.buffer.rpartition("/")[2] in ("depth", "shadow_map"):
+        return
+    drawn = found.values(found.mirror) - before
     got = found.build_values - before
     free = found.judged[..., None] & (found.build_values < 1.0 if found.expected.kind == "unorm" else True)
     free = np.broadcast_to(free, got.shape)

@@ -183,7 +183,9 @@ def _stored(entry: Entry, found: NDArray[Any]) -> NDArray[Any]:
         raise DumpError(f"{entry.path}: {entry.name} has NaN or infinity at x = {x}, y = {y}")
     if fmt.kind != "unorm":
         if found.dtype.kind == "u":
-            raise DumpError(f"{entry.path}: integers; allowed: numbers, as format {fmt.name} of {entry.buffer} has them")
+            raise DumpError(
+                f"{entry.path}: integers; allowed: numbers, as format {fmt.name} of {entry.buffer} has them"
+            )
         return found.astype(fmt.storage)
     if found.dtype.kind == "u":
         if int(found.max()) > fmt.top:

@@ -26,7 +26,7 @@ from atmoref.judge.diagnosis import (
 )
 from atmoref.judge.plan import Group, Plan, given, magnified, make_plan, retextured, with_device, with_inputs
 from atmoref.scene import Scene, SceneError
-from atmoref.scene.load import scene_from_mapping
+from atmoref.scene.document import scene_from_mapping
 
 MAGNIFIED = 8
 MOST_LEFT_OUT = 16
@@ -42,7 +42,10 @@ _DEVICES: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
     (ROUNDING, "the blended sum is rounded once", {"quantise_first": False, "through_16_bits": frozenset()}),
     (ROUNDING, "products of codes are rounded once", {"product": "rounded"}),
     (ROUNDING, "codes are divided by their top, not multiplied", {"decode": "divided"}),
-    *((FILTER, f"textures of 8 bits are filtered by the rule {f}", {"bytes_filter": f}) for f in ("exact", "fused", "bytes")),
+    *(
+        (FILTER, f"textures of 8 bits are filtered by the rule {f}", {"bytes_filter": f})
+        for f in ("exact", "fused", "bytes")
+    ),
     *((FILTER, f"textures are filtered by the rule {f}", {"filter": f}) for f in ("exact", "fused")),
     (SHADOW, "the reference of the shadow compare is not clamped", {"clamp_shadow_reference": False}),
     (SHADOW, "the reference of the shadow compare is clamped", {"clamp_shadow_reference": True}),
@@ -140,7 +143,7 @@ def _draws(plan: Plan, found: Found) -> Iterator[Guess]:
     if before is None or not all(plan.passes[at].stores[d] == found.buffer for at, d, _ in found.group):
         return
     target = found.buffer.rpartition("/")[2]
-    if target not in ("frame", "f_h") or found.draw.endswith("opaque") and "light_" not in found.draw:
+    if target not in ("frame", "f_h") or found.draw == "opaque":
         return
     start = np.zeros_like(before) if target == "f_h" else before
     empty = {found.buffer: np.zeros_like(found.mirror)}
@@ -193,7 +196,9 @@ def _neighbours(plan: Plan, found: Found, start: Values) -> Iterator[Guess]:
     for step, told in ((-1, "before"), (1, "after")):
         if len(found.group) == 1 and 0 <= here + step < len(same):
             other = same[here + step]
-            yield Guess(ORDER, f"the plane {told} it is drawn in its place", _redrawn(plan, found, ((at, other, other + 1),)))
+            yield Guess(
+                ORDER, f"the plane {told} it is drawn in its place", _redrawn(plan, found, ((at, other, other + 1),))
+            )
 
 
 # ---- uniforms
@@ -235,22 +240,25 @@ def _changes(plan: Plan, held: Mapping[str, Any]) -> Iterator[tuple[str, str, Ch
     if uniforms is not None and hasattr(uniforms, "slab"):
         for dx, dy in ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1)) if q is not None else ():
             size = q.width if q is not None else 1
-            change = _in("slab", lambda s, a=dx / size / 2, b=dy / size / 2: s._replace(
-                offset_u=s.offset_u + a, offset_v=s.offset_v + b))  # fmt: skip
-            yield HALF_TEXEL, f"reads of the q table are off by {dx / 2}, {dy / 2} texels", change
-        yield FORMULA, "no extinction between the eye and the plane", _in(
-            "slab", lambda s: s._replace(sigma_r=0.0, sigma_g=0.0, sigma_b=0.0)
+            told = f"reads of the q table are off by {dx / 2}, {dy / 2} texels"
+            yield HALF_TEXEL, told, _moved_table(0.5 * dx / size, 0.5 * dy / size)
+        yield (
+            FORMULA,
+            "no extinction between the eye and the plane",
+            _in("slab", lambda s: s._replace(sigma_r=0.0, sigma_g=0.0, sigma_b=0.0)),
         )
         yield FORMULA, "the q table's second channel is left out", _in("slab", lambda s: s._replace(rest=0.0))
-        yield FORMULA, "the scattering angle has the other sign (D-E3)", _in(
-            "slab", lambda s: s._replace(cosine=-s.cosine)
+        yield (
+            FORMULA,
+            "the scattering angle has the other sign (D-E3)",
+            _in("slab", lambda s: s._replace(cosine=-s.cosine)),
         )
-        yield FORMULA, "u of the q table has the other sign", _in(
-            "slab", lambda s: s._replace(scale_u=-s.scale_u)
-        )
+        yield FORMULA, "u of the q table has the other sign", _in("slab", lambda s: s._replace(scale_u=-s.scale_u))
     for factor in (0.0, 2.0, 10.0, 0.5, -1.0):
-        yield SHADOW, f"the shadow bias is {factor:g} times as large", _in(
-            "spot", lambda s, f=factor: s._replace(bias=s.bias * f)
+        yield (
+            SHADOW,
+            f"the shadow bias is {factor:g} times as large",
+            _scaled_bias(factor),
         )
 
 
@@ -259,6 +267,14 @@ def _in(block: str, change: Change) -> Change:
         return uniforms._replace(**{block: change(getattr(uniforms, block))})
 
     return whole
+
+
+def _moved_table(du: float, dv: float) -> Change:
+    return _in("slab", lambda s: s._replace(offset_u=s.offset_u + du, offset_v=s.offset_v + dv))
+
+
+def _scaled_bias(factor: float) -> Change:
+    return _in("spot", lambda s: s._replace(bias=s.bias * factor))
 
 
 def _moved_camera(dx: float, dy: float) -> Change:
@@ -344,7 +360,8 @@ def _shifted(texels: NDArray[Any], right: float, down: float) -> NDArray[Any]:
     wy, wx = (rows - y0)[:, None, None], (columns - x0)[None, :, None]
     values = values[y0] * (1 - wy) + values[y0 + 1] * wy
     values = values[:, x0] * (1 - wx) + values[:, x0 + 1] * wx
-    return np.rint(values).astype(texels.dtype) if texels.dtype.kind == "u" else values.astype(texels.dtype)
+    moved: NDArray[Any] = (np.rint(values) if texels.dtype.kind == "u" else values).astype(texels.dtype)
+    return moved
 
 
 def _texture_changes(told: str, original: Any, texels: NDArray[Any]) -> Iterator[tuple[str, str, Any]]:
@@ -374,7 +391,9 @@ def _reading(
         held = given(plan.passes[at])
         if "q" not in held:
             raise KeyError(name)
-        return _with(plan, found, at, {"q": held["q"]._replace(**{held["q"]._fields[0]: plan.setting.texture(changed)})})
+        return _with(
+            plan, found, at, {"q": held["q"]._replace(**{held["q"]._fields[0]: plan.setting.texture(changed)})}
+        )
     layers = {key: texels for key, texels in found.before.items() if key != name}
     plan.bank[name], original_pass = changed, plan.passes[at]
     plan.passes[at] = original_pass if inputs is None else with_inputs(original_pass, inputs)
@@ -399,5 +418,3 @@ def _reversed_compare(plan: Plan, found: Found, at: int, name: str) -> Iterator[
         start = np.zeros_like(before) if found.buffer.endswith("f_h") else before
         reversed_ = whole - found.values(found.mirror) + start
         yield Guess(SHADOW, "the shadow compare is the other way round", reversed_)
-
-

@@ -54,9 +54,7 @@ class Plan:
                 item.execute(0, 1, 0, 1)
 
 
-def make_plan(
-    scene: Scene, technique: str | None = None, change: Callable[[Setting], Setting] | None = None
-) -> Plan:
+def make_plan(scene: Scene, technique: str | None = None, change: Callable[[Setting], Setting] | None = None) -> Plan:
     """Return the mirror of a scene, ready to draw; `change` alters its setting (a device's rules, a format).
 
     Raises
@@ -92,7 +90,7 @@ def given(item: Pass) -> dict[str, Any]:
 def with_inputs(item: Pass, changes: Mapping[str, Any]) -> Pass:
     """Return a pass whose kernel gets other inputs.
 
-    The function of a pass is rebuilt over other variables: techniques need no second way in for the sake of a diagnosis.
+    The function of a pass is rebuilt over other variables: techniques need no second way in for a diagnosis.
     """
     function: Any = item.execute
     names: Sequence[str] = function.__code__.co_freevars

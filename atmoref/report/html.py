@@ -1,4 +1,4 @@
-"""One self-contained page for a verdict: pictures to flip through and zoom, a histogram, the table; nothing is loaded."""
+"""One self-contained page for a verdict: pictures to flip through and zoom, a histogram, the table."""
 
 from __future__ import annotations
 
@@ -80,7 +80,9 @@ def _view(view: View) -> str:
         for p in view.panels
     )
     last = max(len(view.panels) - 1, 0)
-    titles = "".join(f"<button type='button' data-at='{i}'>{html.escape(p.title)}</button>" for i, p in enumerate(view.panels))
+    titles = "".join(
+        f"<button type='button' data-at='{i}'>{html.escape(p.title)}</button>" for i, p in enumerate(view.panels)
+    )
     tools = (
         f"<div class='tools'>{titles}<label>flip <input class='flip' type='range' min='0' max='{last}' step='0.01' "
         "value='0'></label><label>zoom <input class='zoom' type='range' min='1' max='16' step='1' value='1'></label>"
@@ -113,7 +115,8 @@ def _histogram(bars: Sequence[tuple[str, int]]) -> str:
         f"<text x='{(i + 0.45) * width:.1f}' y='113'>{html.escape(label)}</text></g>"
         for i, (label, count) in enumerate(bars)
     )
-    return f"<figure><svg viewBox='0 0 640 118'>{drawn}</svg><figcaption>elements by difference (log)</figcaption></figure>"
+    caption = "<figcaption>elements by difference (log)</figcaption>"
+    return f"<figure><svg viewBox='0 0 640 118'>{drawn}</svg>{caption}</figure>"
 
 
 def report_of_compare(
@@ -145,7 +148,7 @@ def _panels(
     ]  # fmt: skip
     if beyond is not None:
         grey = np.repeat((reference.mean(-1, keepdims=True) * GREY).astype(np.uint8), 3, -1)
-        panels.append(Panel("outside the interval (red)", np.where(beyond[..., None], np.uint8(RED), grey)))
+        panels.append(Panel("outside the interval (red)", np.where(beyond[..., None], np.array(RED, np.uint8), grey)))
     return tuple(panels)
 
 
@@ -174,7 +177,7 @@ def report_of_check(verdict: CheckVerdict) -> str:
         if draw.name in verdict.pictures:
             build, mirror, low, high = (a.astype(np.float64) for a in verdict.pictures[draw.name])
             peak = max(float(mirror.max()), float(build.max()), 1e-30)
-            beyond = ((build < low) | (build > high)).any(-1) if build.shape == low.shape else None
+            beyond = np.asarray(((build < low) | (build > high)).any(-1))
             reference, test = (_grey(np.clip(a / peak, 0.0, 1.0)) for a in (mirror, build))
             told = "\n".join([str(draw.worst), *map(str, draw.explanations)])
             title = f"{draw.name}, {draw.format}, shown over its peak {peak:.6g}"

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
+
 def junit_of_compare(verdict: Verdict, name: str) -> str:
     """Return one test case for each limit; without a limit, one that passed."""
     cases = [(limit.name, "" if limit.passed else f"{limit.outside} elements outside, furthest at {limit.worst}")

@@ -52,7 +52,9 @@ def check_table(verdict: CheckVerdict) -> str:
             lines.append(f"diagnosis    {verdict.cause}")
         failed = [draw for draw in verdict.draws if not draw.passed]
         for draw in failed[:MOST_LISTED]:
-            lines.append(f"failed       {draw.name} ({draw.format}, {draw.allowed}): {draw.outside} outside, {draw.off} off")
+            lines.append(
+                f"failed       {draw.name} ({draw.format}, {draw.allowed}): {draw.outside} outside, {draw.off} off"
+            )
             lines += [f"             {told}" for told in draw.explanations]
         if len(failed) > MOST_LISTED:
             lines.append(f"             and {len(failed) - MOST_LISTED} more")
@@ -60,6 +62,8 @@ def check_table(verdict: CheckVerdict) -> str:
     if end is not None:
         lines.append(f"end to end   {end.draw}: {end.off} of {end.pixels} pixels differ (reported, not judged)")
         if end.worst is not None:
-            lines.append(f"             x {end.worst.x}, y {end.worst.y}: {end.worst.build:.7g}, not {end.worst.mirror:.7g}")
+            lines.append(
+                f"             x {end.worst.x}, y {end.worst.y}: {end.worst.build:.7g}, not {end.worst.mirror:.7g}"
+            )
     lines += [f"note         {note}" for note in verdict.notes]
     return "\n".join(lines)

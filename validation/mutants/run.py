@@ -120,7 +120,7 @@ def main(given: Sequence[str] | None = None) -> int:
         off = sum(draw.off for draw in verdict.draws)
         clean &= verdict.passed and off == 0
         print(f"correct build, {fmt:<8} {'passed' if verdict.passed else 'FAILED'}, {off} pixels differ")
-    print("| mutant | half | caught in | first draw that leaves | diagnosis | stage | class |\n|---|---|---|---|---|---|---|")
+    print("| mutant | half | caught in | first draw that leaves | diagnosis | stage | class |\n" + "|---" * 7 + "|")
     found = []
     for at, mutant in enumerate(mutants):
         if asked.only not in mutant.name or (asked.half and (at % 2 == 1) != (asked.half == "odd")):
@@ -128,8 +128,8 @@ def main(given: Sequence[str] | None = None) -> int:
         one = outcome(ctx, at, mutant, [mutant.home] if asked.home else FORMATS)
         found.append(one)
         half, stage, kind = ("held out" if one.held_out else "seen"), _mark(one.stage_right), _mark(one.kind_right)
-        print(f"| {one.name} | {half} | {', '.join(one.caught) or '**none**'} | {one.first} | {one.told} | {stage} | {kind} |",
-              flush=True)  # fmt: skip
+        row = (one.name, half, ", ".join(one.caught) or "**none**", one.first, one.told, stage, kind)
+        print("| " + " | ".join(row) + " |", flush=True)
     _summary(found)
     return 0 if clean and all(one.caught for one in found) else 1
 

@@ -1,7 +1,7 @@
 """The mutants: each is one mistake that engine people make, as a patch of a shader or of the host's calls.
 
-`home` is the format in which the mistake shows as itself; `kinds` are the right names for it; `stage` ends the name of the
-first draw that goes wrong.  Even ones were looked at while the diagnosis was written, odd ones were not.
+`home` is the format in which the mistake shows as itself; `kinds` are the right names for it; `stage` ends the name of
+the first draw that goes wrong.  Even ones were looked at while the diagnosis was written, odd ones were not.
 """
 
 from __future__ import annotations
@@ -28,8 +28,12 @@ from atmoref.judge.diagnosis import (
 )
 
 Patch = tuple[str, str]
-F_H, MAIN, OPAQUE, REFLECTED, SHADOW_MAP = "-> f_h", "main -> frame", "opaque -> frame", "light_0/opaque -> frame", (
-    "shadow_map -> light_0/shadow_map"
+F_H, MAIN, OPAQUE, REFLECTED, SHADOW_MAP = (
+    "-> f_h",
+    "main -> frame",
+    "opaque -> frame",
+    "light_0/opaque -> frame",
+    ("shadow_map -> light_0/shadow_map"),
 )
 DEPTH = "opaque -> depth"
 
@@ -182,40 +186,146 @@ def _encoded(out: str, name: str) -> tuple[Patch, ...]:
 
 
 MUTANTS: tuple[Mutant, ...] = (
-    Mutant("light map read half a texel off", (F_H, REFLECTED), (HALF_TEXEL,), "unorm8", (
-        (_LIT, f"textureLod(light_map, vec2(u, v) {_HALF.format('light_map')}"),)),
-    Mutant("shadow map read half a texel off", (F_H, REFLECTED), (HALF_TEXEL,), "float32", (
-        ("vec3(u, v, reference)", "vec3(vec2(u, v) " + _HALF.format("shadow_map") + ", reference)"),)),
-    Mutant("q table read half a texel off", (MAIN,), (HALF_TEXEL,), "float32", (
-        ("textureLod(q_map, vec2(su, sv)", "textureLod(q_map, vec2(su, sv) " + _HALF.format("q_map")),)),
-    Mutant("pixel centres at integers", (OPAQUE, DEPTH), (HALF_TEXEL,), "float32", (
-        ("Ray camera_ray(vec2 pixel) {", "Ray camera_ray(vec2 centre) {\n    vec2 pixel = centre - 0.5;"),)),
-    Mutant("sub-planes without their share 1/m", (F_H,), (FORMULA,), "float32", ((_SUB_OUT, "colour = vec4(lit + min(share, 0.0), 0.0);"),)),
+    Mutant(
+        "light map read half a texel off",
+        (F_H, REFLECTED),
+        (HALF_TEXEL,),
+        "unorm8",
+        ((_LIT, f"textureLod(light_map, vec2(u, v) {_HALF.format('light_map')}"),),
+    ),
+    Mutant(
+        "shadow map read half a texel off",
+        (F_H, REFLECTED),
+        (HALF_TEXEL,),
+        "float32",
+        (("vec3(u, v, reference)", "vec3(vec2(u, v) " + _HALF.format("shadow_map") + ", reference)"),),
+    ),
+    Mutant(
+        "q table read half a texel off",
+        (MAIN,),
+        (HALF_TEXEL,),
+        "float32",
+        (("textureLod(q_map, vec2(su, sv)", "textureLod(q_map, vec2(su, sv) " + _HALF.format("q_map")),),
+    ),
+    Mutant(
+        "pixel centres at integers",
+        (OPAQUE, DEPTH),
+        (HALF_TEXEL,),
+        "float32",
+        (("Ray camera_ray(vec2 pixel) {", "Ray camera_ray(vec2 centre) {\n    vec2 pixel = centre - 0.5;"),),
+    ),
+    Mutant(
+        "sub-planes without their share 1/m",
+        (F_H,),
+        (FORMULA,),
+        "float32",
+        ((_SUB_OUT, "colour = vec4(lit + min(share, 0.0), 0.0);"),),
+    ),
     Mutant("wrong sign of alpha in q", (MAIN,), (FORMULA,), "unorm8", (("u = along + t;", "u = -(along + t);"),)),
     Mutant("dt without 1/cos psi (D-E6)", (MAIN,), (FORMULA,), "float32", (("c = c * ray.span;", "c = c;"),)),
-    Mutant("no extinction towards the eye", (MAIN,), (FORMULA,), "unorm8", (
-        ("mirror_exp(t * slab.sigma_r * -1.0)", "mirror_exp(t * slab.sigma_r * -0.0)"),)),
+    Mutant(
+        "no extinction towards the eye",
+        (MAIN,),
+        (FORMULA,),
+        "unorm8",
+        (("mirror_exp(t * slab.sigma_r * -1.0)", "mirror_exp(t * slab.sigma_r * -0.0)"),),
+    ),
     Mutant("blend factors ZERO, ONE", (MAIN,), (BLEND,), "unorm8", (), _blend(moderngl.ZERO, moderngl.ONE, ("frame",))),
-    Mutant("blend factors ONE, ZERO for sub-planes", (F_H,), (BLEND,), "unorm8", (), _blend(moderngl.ONE, moderngl.ZERO, ("f_h",))),
-    Mutant("blend factors ONE, ONE_MINUS_SRC_COLOR", (MAIN,), (BLEND,), "unorm8", (),
-           _blend(moderngl.ONE, 0x0301, ("frame",))),
-    Mutant("blend factors SRC_ALPHA, ONE with alpha 0", (MAIN,), (BLEND,), "unorm16", (),
-           _blend(moderngl.SRC_ALPHA, moderngl.ONE, ("frame",))),
-    Mutant("frame in RGBA8 where RGBA16F was asked", (OPAQUE, MAIN, REFLECTED), (STORAGE,), "float16", (), _stored_as("frame", "unorm8")),
+    Mutant(
+        "blend factors ONE, ZERO for sub-planes",
+        (F_H,),
+        (BLEND,),
+        "unorm8",
+        (),
+        _blend(moderngl.ONE, moderngl.ZERO, ("f_h",)),
+    ),
+    Mutant(
+        "blend factors ONE, ONE_MINUS_SRC_COLOR",
+        (MAIN,),
+        (BLEND,),
+        "unorm8",
+        (),
+        _blend(moderngl.ONE, 0x0301, ("frame",)),
+    ),
+    Mutant(
+        "blend factors SRC_ALPHA, ONE with alpha 0",
+        (MAIN,),
+        (BLEND,),
+        "unorm16",
+        (),
+        _blend(moderngl.SRC_ALPHA, moderngl.ONE, ("frame",)),
+    ),
+    Mutant(
+        "frame in RGBA8 where RGBA16F was asked",
+        (OPAQUE, MAIN, REFLECTED),
+        (STORAGE,),
+        "float16",
+        (),
+        _stored_as("frame", "unorm8"),
+    ),
     Mutant("f_h in RGBA8 where RGBA16 was asked", (F_H,), (STORAGE,), "unorm16", (), _stored_as("fast", "unorm8")),
-    Mutant("frame in RGBA16F where RGBA32F was asked", (OPAQUE, MAIN, REFLECTED), (STORAGE,), "float32", (), _stored_as("frame", "float16")),
-    Mutant("stores truncated in the main plane", (MAIN,), (ROUNDING,), "unorm8", (
-        (_MAIN_OUT, "colour = vec4(floor(slow * fast * 255.0) / 255.0, 0.0);"),)),
-    Mutant("stores truncated in the sub-planes", (F_H,), (ROUNDING,), "unorm8", (
-        (_SUB_OUT, "colour = vec4(floor(lit * share * 255.0) / 255.0, 0.0);"),)),
-    Mutant("light map read from the nearest texel", (F_H, REFLECTED), (FILTER,), "unorm8", (), _texture("light_map", _nearest)),
+    Mutant(
+        "frame in RGBA16F where RGBA32F was asked",
+        (OPAQUE, MAIN, REFLECTED),
+        (STORAGE,),
+        "float32",
+        (),
+        _stored_as("frame", "float16"),
+    ),
+    Mutant(
+        "stores truncated in the main plane",
+        (MAIN,),
+        (ROUNDING,),
+        "unorm8",
+        ((_MAIN_OUT, "colour = vec4(floor(slow * fast * 255.0) / 255.0, 0.0);"),),
+    ),
+    Mutant(
+        "stores truncated in the sub-planes",
+        (F_H,),
+        (ROUNDING,),
+        "unorm8",
+        ((_SUB_OUT, "colour = vec4(floor(lit * share * 255.0) / 255.0, 0.0);"),),
+    ),
+    Mutant(
+        "light map read from the nearest texel",
+        (F_H, REFLECTED),
+        (FILTER,),
+        "unorm8",
+        (),
+        _texture("light_map", _nearest),
+    ),
     Mutant("q table read from the nearest texel", (MAIN,), (FILTER,), "unorm8", (), _texture("q_map", _nearest)),
-    Mutant("one shadow compare instead of four", (F_H, REFLECTED), (SHADOW,), "unorm8", (), _texture("shadow", _nearest)),
+    Mutant(
+        "one shadow compare instead of four", (F_H, REFLECTED), (SHADOW,), "unorm8", (), _texture("shadow", _nearest)
+    ),
     Mutant("no shadow bias", (F_H, REFLECTED), (SHADOW,), "float32", (("spot.bias * iw", "0.0 * iw"),)),
-    Mutant("no shadows", (F_H, REFLECTED), (SHADOW,), "unorm8", (("if (visible <= 0.0) {", "visible = 1.0;\n    if (visible <= 0.0) {"),)),
-    Mutant("shadow compare the other way round", (F_H, REFLECTED), (SHADOW,), "unorm8", (), _texture("shadow", _reversed_compare)),
-    Mutant("light beyond the pyramid", (F_H, REFLECTED), (FORMULA,), "unorm8", (
-        ("bool inside = w >= spot.least_w && u >= 0.0 && u <= 1.0 && v >= 0.0 && v <= 1.0;", "bool inside = w >= spot.least_w;"),)),
+    Mutant(
+        "no shadows",
+        (F_H, REFLECTED),
+        (SHADOW,),
+        "unorm8",
+        (("if (visible <= 0.0) {", "visible = 1.0;\n    if (visible <= 0.0) {"),),
+    ),
+    Mutant(
+        "shadow compare the other way round",
+        (F_H, REFLECTED),
+        (SHADOW,),
+        "unorm8",
+        (),
+        _texture("shadow", _reversed_compare),
+    ),
+    Mutant(
+        "light beyond the pyramid",
+        (F_H, REFLECTED),
+        (FORMULA,),
+        "unorm8",
+        (
+            (
+                "bool inside = w >= spot.least_w && u >= 0.0 && u <= 1.0 && v >= 0.0 && v <= 1.0;",
+                "bool inside = w >= spot.least_w;",
+            ),
+        ),
+    ),
     Mutant("main planes one slab further", (MAIN,), (PLANES, ORDER), "float32", (), _rolled("main_z", -1)),
     Mutant("last sub-plane of each slab missing", (F_H,), (PLANES,), "unorm8", (), _sub_planes(lambda s: s[:-1])),
     Mutant("every second sub-plane missing", (F_H,), (PLANES,), "unorm8", (), _sub_planes(lambda s: s[::2])),
@@ -225,18 +335,47 @@ MUTANTS: tuple[Mutant, ...] = (
     Mutant("planes pass the depth test where they are hidden", (F_H,), (SHADOW,), "unorm8", (), _depth(">")),
     Mutant("no depth test for sub-planes", (F_H,), (SHADOW,), "unorm8", (), _depth("1")),
     Mutant("main planes encoded as sRGB", (MAIN,), (GAMMA,), "unorm8", _encoded(_MAIN_OUT, "slow * fast")),
-    Mutant("light map decoded from sRGB", (F_H, REFLECTED), (GAMMA,), "unorm8", (
-        ("vec3 light_colour = vec3(textureLod(light_map, vec2(u, v), 0.0).r * visible)",
-         "vec3 light_colour = vec3(pow(textureLod(light_map, vec2(u, v), 0.0).r, 2.2) * visible)"),)),
-    Mutant("shadow map read upside down", (F_H, REFLECTED), (FLIP,), "unorm8", (
-        ("vec3(u, v, reference)", "vec3(u, 1.0 - v, reference)"),)),
+    Mutant(
+        "light map decoded from sRGB",
+        (F_H, REFLECTED),
+        (GAMMA,),
+        "unorm8",
+        (
+            (
+                "vec3 light_colour = vec3(textureLod(light_map, vec2(u, v), 0.0).r * visible)",
+                "vec3 light_colour = vec3(pow(textureLod(light_map, vec2(u, v), 0.0).r, 2.2) * visible)",
+            ),
+        ),
+    ),
+    Mutant(
+        "shadow map read upside down",
+        (F_H, REFLECTED),
+        (FLIP,),
+        "unorm8",
+        (("vec3(u, v, reference)", "vec3(u, 1.0 - v, reference)"),),
+    ),
     Mutant("buffers read back upside down", (OPAQUE, DEPTH), (FLIP,), "unorm8", (), _read_flipped),
-    Mutant("q clamped, its second channel left out", (MAIN,), (FORMULA,), "float32", (
-        ("q = vec3(q.r + textureLod(q_rest", "q = vec3(q.r + 0.0 * textureLod(q_rest"),)),
+    Mutant(
+        "q clamped, its second channel left out",
+        (MAIN,),
+        (FORMULA,),
+        "float32",
+        (("q = vec3(q.r + textureLod(q_rest", "q = vec3(q.r + 0.0 * textureLod(q_rest"),),
+    ),
     Mutant("surfaces without 1/pi", (REFLECTED,), (FORMULA,), "float32", (("* 0.3183098861837907", "* 1.0"),)),
-    Mutant("surfaces without the inverse square", (REFLECTED,), (FORMULA,), "float32", (
-        ("facing / (distance_m * distance_m) * 0.31", "facing / distance_m * 0.31"),)),
+    Mutant(
+        "surfaces without the inverse square",
+        (REFLECTED,),
+        (FORMULA,),
+        "float32",
+        (("facing / (distance_m * distance_m) * 0.31", "facing / distance_m * 0.31"),),
+    ),
     Mutant("one main plane missing", (MAIN,), (PLANES, BLEND), "unorm8", (), _no_main),
-    Mutant("coordinates of the light map in half precision", (F_H, REFLECTED), (FILTER,), "float32", (
-        (_LIT, "textureLod(light_map, unpackHalf2x16(packHalf2x16(vec2(u, v)))"),)),
-)  # fmt: skip
+    Mutant(
+        "coordinates of the light map in half precision",
+        (F_H, REFLECTED),
+        (FILTER,),
+        "float32",
+        ((_LIT, "textureLod(light_map, unpackHalf2x16(packHalf2x16(vec2(u, v)))"),),
+    ),
+)
