@@ -20,8 +20,8 @@ from atmoref.judge.dumps import DumpDirectory, DumpError, Entry, open_dump, read
 from atmoref.judge.plan import Group, Plan, Stored, make_plan
 from atmoref.scene import Scene
 
-MOST_DIAGNOSED = 6
-MOST_OF_A_KIND = 3
+MOST_DIAGNOSED = 8
+MOST_OF_A_KIND = 4
 Progress = Callable[[str, float], None]
 
 
@@ -204,6 +204,7 @@ class _Walk:
         self.scene, self.plan, self.dump, self.bounds, self.mask = scene, plan, dump, bounds_of_draw, mask
         self.left = diagnose
         self.looked_into: dict[str, list[float]] = {}
+        self.failed: dict[str, int] = {}
         self.tied: set[str] = set()  # kinds of draws whose cause is not clear yet
         self.pictures: dict[str, tuple[NDArray[Any], ...]] = {}
         self.by_draw: dict[str, list[Entry]] = {}
@@ -260,7 +261,9 @@ class _Walk:
         kind = entry.buffer + "/" + entry.draw.rpartition("/")[2].split("_")[0]
         wrong = float("inf") if verdict.worst is None else abs(verdict.worst.build - verdict.worst.mirror)
         earlier = self.looked_into.setdefault(kind, [])
-        clear = kind not in self.tied and (not earlier or wrong < 2.0 * earlier[-1])
+        self.failed[kind] = count = self.failed.get(kind, 0) + 1
+        further = kind in self.tied and count & (count - 1) == 0  # the 2nd, 4th, 8th: neighbours say the same
+        clear = not further and (not earlier or wrong < 2.0 * earlier[-1])
         if self.left <= 0 or len(earlier) >= MOST_OF_A_KIND or (earlier and clear):
             return False
         self.left -= 1

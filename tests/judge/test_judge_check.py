@@ -15,8 +15,9 @@ from atmoref.judge import diagnosis
 from atmoref.judge.allowance import Allowed, DrawAsked
 from atmoref.judge.check import check
 from atmoref.judge.hypotheses import _moved_light
-from atmoref.judge.plan import Plan, given, make_plan, magnified, retextured, with_device, with_inputs
+from atmoref.judge.plan import Plan, given, magnified, make_plan, retextured, with_device, with_inputs
 
+LIGHT = "light_0/light_map"
 FORMATS = ("unorm8", "unorm16", "float16", "float32")
 
 
@@ -131,12 +132,16 @@ def swapped_planes(plan: Plan) -> Plan:
     return plan
 
 
+def on_device(**fields: Any) -> Plan:
+    return make_plan(scene(), None, with_device(**fields))
+
+
 CASES: dict[str, tuple[str, str, tuple[str, ...], Any]] = {
     "storage": (diagnosis.STORAGE, "-> f_h", ("buffers.format=unorm16",), lambda p: {"store": storage}),
-    "rounding": (diagnosis.ROUNDING, "", (), lambda p: {"plan": make_plan(scene(), None, with_device(rounding="truncate"))}),
-    "filter rule": (diagnosis.FILTER, "", (), lambda p: {"plan": make_plan(scene(), None, with_device(bytes_filter="bytes"))}),
-    "nearest": (diagnosis.FILTER, "", (), lambda p: {"plan": with_texture(p, "light_0/light_map", lambda b: magnified(b, 8))}),
-    "half texel": (diagnosis.HALF_TEXEL, "-> f_h", (), lambda p: {"plan": rebuilt(p, _moved_light(0.5 / 64, 0.5 / 64))}),
+    "rounding": (diagnosis.ROUNDING, "", (), lambda p: {"plan": on_device(rounding="truncate")}),
+    "filter rule": (diagnosis.FILTER, "", (), lambda p: {"plan": on_device(bytes_filter="bytes")}),
+    "nearest": (diagnosis.FILTER, "", (), lambda p: {"plan": with_texture(p, LIGHT, lambda b: magnified(b, 8))}),
+    "half texel": (diagnosis.HALF_TEXEL, "-> f_h", (), lambda p: {"plan": rebuilt(p, _moved_light(1 / 128, 1 / 128))}),
     "blend": (diagnosis.BLEND, "/main -> frame", (), lambda p: {"store": replaced}),
     "order": (diagnosis.ORDER, "slab_002/main -> frame", (), lambda p: {"store": doubled}),
     "planes elsewhere": (diagnosis.PLANES, "slab_000/main -> frame", ("buffers.format=float32",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -126,15 +127,17 @@ def test_damaged_files_give_one_kind_of_error(tmp_path: Path) -> None:
         changed = bytearray(good)
         changed[int(rng.integers(len(good)))] = int(rng.integers(256))
         variants.append(bytes(changed))
-    refused = 0
+    told = []
     for content in variants:
         entry.path.write_bytes(content)
-        try:
+        with contextlib.suppress(DumpError):
             read_entry(entry, (2, 4, 3))
-        except DumpError as error:
-            assert "a.npy" in str(error)
-            refused += 1
-    assert refused > len(variants) // 3
+            continue
+        with pytest.raises(DumpError) as refusal:
+            read_entry(entry, (2, 4, 3))
+        told.append(str(refusal.value))
+    assert len(told) > len(variants) // 3
+    assert all("a.npy" in text for text in told)
 
 
 def test_rows_can_be_given_bottom_first(tmp_path: Path) -> None:
@@ -149,7 +152,8 @@ def test_rows_can_be_given_bottom_first(tmp_path: Path) -> None:
 PROGRAM = """
 #include "atmoref_dump.hpp"
 int main(int argc, char** argv) {
-    const unsigned char bytes[24] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23};
+    unsigned char bytes[24];
+    for (int i = 0; i < 24; ++i) bytes[i] = static_cast<unsigned char>(i);
     const float numbers[6] = {0.0f, 0.5f, 1.0f, 2.0f, 4.0f, 0.25f};
     atmoref::DumpWriter dump(argv[1], "a \\"quoted\\" engine\\n", argc > 2);
     dump.add("opaque", "frame", "unorm8", bytes, 3, 2, 4);

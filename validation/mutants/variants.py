@@ -314,18 +314,7 @@ MUTANTS: tuple[Mutant, ...] = (
         (),
         _texture("shadow", _reversed_compare),
     ),
-    Mutant(
-        "light beyond the pyramid",
-        (F_H, REFLECTED),
-        (FORMULA,),
-        "unorm8",
-        (
-            (
-                "bool inside = w >= spot.least_w && u >= 0.0 && u <= 1.0 && v >= 0.0 && v <= 1.0;",
-                "bool inside = w >= spot.least_w;",
-            ),
-        ),
-    ),
+    Mutant("light map squared", (F_H,), (FORMULA,), "float32", ((_SUB_OUT, "colour = vec4(lit * lit * share, 0.0);"),)),
     Mutant("main planes one slab further", (MAIN,), (PLANES, ORDER), "float32", (), _rolled("main_z", -1)),
     Mutant("last sub-plane of each slab missing", (F_H,), (PLANES,), "unorm8", (), _sub_planes(lambda s: s[:-1])),
     Mutant("every second sub-plane missing", (F_H,), (PLANES,), "unorm8", (), _sub_planes(lambda s: s[::2])),
