@@ -282,15 +282,17 @@ def _moved_camera(dx: float, dy: float) -> Change:
 
 
 def _moved_light(du: float, dv: float) -> Change:
-    """Return a change that moves u and v of the light's maps: u w grows by du w."""
+    """Return a change that moves u and v of the light's maps: u w grows by du w; parallel light has no w."""
 
-    def moved(s: Any) -> Any:
-        return s._replace(
-            **{f"u_{k}": getattr(s, f"u_{k}") + du * getattr(s, f"w_{k}") for k in "xyz0"},
-            **{f"v_{k}": getattr(s, f"v_{k}") + dv * getattr(s, f"w_{k}") for k in "xyz0"},
-        )
+    def moved(uniforms: Any) -> Any:
+        s = uniforms.spot
+        if getattr(uniforms.switches, "parallel", 0):
+            return uniforms._replace(spot=s._replace(u_0=s.u_0 + du, v_0=s.v_0 + dv))
+        u = {f"u_{k}": getattr(s, f"u_{k}") + du * getattr(s, f"w_{k}") for k in "xyz0"}
+        v = {f"v_{k}": getattr(s, f"v_{k}") + dv * getattr(s, f"w_{k}") for k in "xyz0"}
+        return uniforms._replace(spot=s._replace(**u, **v))
 
-    return _in("spot", moved)
+    return moved
 
 
 def _depths(plan: Plan, found: Found, at: int, held: Mapping[str, Any]) -> Iterator[Guess]:
