@@ -33,7 +33,7 @@ def read_raw(path: Path, max_bytes: int) -> Image:
     texels = np.frombuffer(path.read_bytes(), dtype).reshape(height, width, channels)
     if told.get("origin", "top") == "bottom":
         texels = texels[::-1]
-    kept = {key: told[key] for key in ("format", "transfer") if key in told}
+    kept: dict[str, str | float | int] = {key: told[key] for key in ("format", "transfer") if key in told}
     return from_rgb(np.ascontiguousarray(texels.astype(dtype.newbyteorder("="))), kept)
 
 

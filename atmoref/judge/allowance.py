@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atmoref.buffers.formats import Format, decode
+from atmoref.buffers.formats import Format
 from atmoref.pipeline import Bank, Pass
 
 FEW = 0.01
@@ -84,13 +84,3 @@ def tolerance(asked: DrawAsked) -> Allowed:
 def _mantissa(fmt: Format) -> int:
     """Return the significand bits without the leading one of the format's coarsest channel."""
     return min(fmt.mantissa(channel) for channel in range(3))
-
-
-def unit_of(fmt: Format) -> str:
-    """Return what differences of stored texels are counted in."""
-    return "codes" if fmt.kind == "unorm" else "values"
-
-
-def in_values(texels: NDArray[Any], fmt: Format) -> NDArray[np.float64]:
-    """Return values of stored texels."""
-    return decode(texels, fmt)

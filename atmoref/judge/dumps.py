@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atmoref.buffers.formats import FORMATS, Format, decode
+from atmoref.buffers.formats import FORMATS, Format
 from atmoref.images import ImageError, read
 
 MANIFEST = "manifest.json"
@@ -201,11 +201,6 @@ def _stored(entry: Entry, found: NDArray[Any]) -> NDArray[Any]:
             f"{found[y, x].tolist()} at x = {x}, y = {y}; allowed: code / {fmt.top}, or the codes themselves"
         )
     return codes.astype(fmt.storage)
-
-
-def values_of(stored: NDArray[Any], fmt: Format) -> NDArray[np.float64]:
-    """Return the values of codes, or numbers as they are."""
-    return decode(stored, fmt)
 
 
 class DumpWriter:
