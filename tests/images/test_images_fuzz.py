@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = r"""
-import json, resource, sys, zipfile
+import json, sys, zipfile
 from pathlib import Path
 import numpy as np
 from atmoref.images import ImageError, from_rgb, read, write
@@ -67,15 +69,18 @@ except ImageError:
     counts["refused"] += 1
 (folder / "bomb.npz").unlink()
 assert sorted(path.name for path in folder.iterdir()) == before
-print(json.dumps({**counts, "peak_kb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}))
+# Linux's own high-water mark: getrusage starts with that of the process which started this one
+status = Path("/proc/self/status").read_text()
+print(json.dumps({**counts, "peak_kb": int(status.split("VmHWM:")[1].split()[0])}))
 """
 
 
+@pytest.mark.slow
 def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
     line = [sys.executable, "-c", SCRIPT, str(tmp_path)]
     done = subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    told = json.loads(done.stdout)
+    told = json.loads(done.stdout.splitlines()[-1])  # OpenEXR prints warnings before it
     assert told["read"] + told["refused"] == 2001
     assert told["refused"] > 800
     assert told["peak_kb"] < 1_000_000
