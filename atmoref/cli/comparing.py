@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from atmoref.cli.failures import NEGATIVE, RequestError
 
 if TYPE_CHECKING:
-    from atmoref.compare import Verdict
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from atmoref.compare import Limits, Verdict
     from atmoref.images import Image
 
-_REPORTS = (".json", ".txt")
+_REPORTS = (".html", ".json", ".xml", ".txt")
 
 
 def compare(
@@ -33,35 +36,80 @@ def compare(
     layer: Annotated[
         str | None, typer.Option(metavar="NAME", help='Compare this layer of EXR files; "" is the base layer.')
     ] = None,
+    channels: Annotated[
+        str | None, typer.Option(metavar="A,B,C", help="Compare these channels of both files, in this order.")
+    ] = None,
+    transfer: Annotated[
+        Literal["linear", "srgb", "codes"] | None,
+        typer.Option(help="State how TEST's values are encoded, where its file does not."),
+    ] = None,
+    ignore: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y,W,H", help="Leave out a rectangle; may be repeated.")
+    ] = None,
+    peak: Annotated[float | None, typer.Option(metavar="X", help="Peak of PSNR; default: 1, or the maximum.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="F.png", help="Draw the difference: red too bright, blue too dark.")
     ] = None,
-    report: Annotated[Path | None, typer.Option(metavar="F", help="Write the verdict to .json or .txt.")] = None,
+    report: Annotated[
+        list[Path] | None, typer.Option(metavar="F", help="Write .html, .json, .xml (JUnit) or .txt; may be repeated.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Judge TEST against REFERENCE; exit code 1 when a limit is not met.
 
     Without a limit the verdict is "measured" and the exit code 0.
     """
+    from atmoref.cli.checking import judged_pixels
     from atmoref.cli.pictures import check_output
+    from atmoref.compare import Limits, difference_image
     from atmoref.compare import compare as judge
-    from atmoref.compare import difference_image
-    from atmoref.images import write
+    from atmoref.images import Image, write
 
     check_output("--picture", picture)
-    check_output("--report", report, _REPORTS)
+    for path in report or ():
+        check_output("--report", path, _REPORTS)
     whole = codes is not None
-    images = [_read(path, layer, whole) for path in (test, reference)]
-    limits = None if bounds is None else (_read(bounds[0], layer, whole), _read(bounds[1], layer, whole))
-    judged = None if mask is None else _read(mask, None, False)
-    verdict = judge(images[0], images[1], bounds=limits, codes=codes, abs=absolute, rel=relative, mask=judged)
+    images = [_chosen(_read(path, layer, whole), path, channels) for path in (test, reference)]
+    if transfer is not None:
+        images[0] = Image(images[0].channels, {**images[0].attributes, "transfer": transfer})
+    limits = None
+    if bounds is not None:
+        low, high = (_chosen(_read(path, layer, whole), path, channels) for path in bounds)
+        limits = low, high
+    judged = judged_pixels(mask, ignore or (), images[1].shape)
+    asked = Limits(limits, codes, absolute, relative)
+    verdict = judge(
+        images[0], images[1], bounds=limits, codes=codes, abs=absolute, rel=relative, mask=judged, peak=peak
+    )
     if picture is not None:
         write(picture, difference_image(images[0], images[1]))
-    if report is not None:
-        _write_report(report, verdict)
+    for path in report or ():
+        _write_report(path, images, verdict, asked, judged, f"{test.name} against {reference.name}")
     typer.echo(_json(verdict) if as_json else verdict.table())
     if verdict.passed is False:
         raise typer.Exit(NEGATIVE)
+
+
+def _chosen(image: Image, path: Path, channels: str | None) -> Image:
+    """Return the channels that were asked for, under the names of colours, so that both files have the same.
+
+    Raises
+    ------
+    RequestError
+        The file lacks one, or there are more than four.
+    """
+    from atmoref.images import Image
+
+    if channels is None:
+        return image
+    names = [name.strip() for name in channels.split(",")]
+    if not 1 <= len(names) <= 4 or len(set(names)) != len(names):
+        raise RequestError(f"--channels: found {channels[:80]!r}; allowed: one to four different names")
+    for name in names:
+        if name not in image.channels:
+            raise RequestError(f"--channels: {path} has no {name!r}; allowed: {', '.join(list(image.channels)[:24])}")
+    colours = {1: ("Y",), 2: ("Y", "A"), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}[len(names)]
+    return Image({new: image.channels[old] for new, old in zip(colours, names, strict=True)}, image.attributes)
 
 
 def _read(path: Path, layer: str | None, codes: bool) -> Image:
@@ -99,9 +147,21 @@ def _json(verdict: Verdict) -> str:
     return json.dumps(verdict.to_dict(), indent=2)
 
 
-def _write_report(path: Path, verdict: Verdict) -> None:
+def _write_report(
+    path: Path, images: list[Image], verdict: Verdict, limits: Limits, judged: NDArray[np.bool_] | None, title: str
+) -> None:
     from atmoref.store import atomic_path
 
+    kind = path.suffix.lower()
+    if kind == ".html":
+        from atmoref.report.html import report_of_compare
+
+        text = report_of_compare(images[0], images[1], verdict, limits, judged, title)
+    elif kind == ".xml":
+        from atmoref.report.junit import junit_of_compare
+
+        text = junit_of_compare(verdict, title)
+    else:
+        text = (_json(verdict) if kind == ".json" else verdict.table()) + "\n"
     with atomic_path(path) as temporary:
-        text = _json(verdict) if path.suffix.lower() == ".json" else verdict.table()
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")

@@ -76,6 +76,14 @@ def judge(limits: Limits, test: Frame, reference: Frame, mask: NDArray[np.bool_]
     return tuple(outcomes)
 
 
+def outside(limits: Limits, test: Frame, reference: Frame, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the judged pixels (H, W) that break one of the limits in one of their channels."""
+    beyond = np.zeros(mask.shape, np.bool_)
+    for _, excess in _excesses(limits, test, reference):
+        beyond |= (excess > 0.0).any(-1) & mask
+    return beyond
+
+
 def _excesses(limits: Limits, test: Frame, reference: Frame) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Yield each limit's name and how far every element lies beyond it (positive is outside)."""
     size = np.abs(test.values - reference.values)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from atmoref.images.image import MAX_BYTES, Image, ImageError
 
-READABLE = (".exr", ".npz", ".npy", ".png", ".pfm")
+READABLE = (".exr", ".npz", ".npy", ".png", ".pfm", ".raw")
 WRITABLE = (".exr", ".npz", ".png")
 _BEGINNINGS = (
     (b"\x76\x2f\x31\x01", ".exr", "an OpenEXR"),
@@ -17,7 +17,7 @@ _BEGINNINGS = (
 
 
 def read(path: str | Path, *, max_bytes: int = MAX_BYTES) -> Image:
-    """Read an EXR, NPZ, NPY, PNG or PFM file; row 0 is the top row.
+    """Read an EXR, NPZ, NPY, PNG or PFM file, or raw texels with a sidecar; row 0 is the top row.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def read(path: str | Path, *, max_bytes: int = MAX_BYTES) -> Image:
         If the file is missing, truncated, damaged, of another kind than its suffix says, or takes more than
         `max_bytes` when decoded (refused before allocation). Nothing in a file is executed: pickled arrays are refused.
     """
-    from atmoref.images import arrays, exr, pfm, png
+    from atmoref.images import arrays, exr, pfm, png, raw
 
     where = Path(path)
     suffix = where.suffix.lower()
@@ -39,7 +39,7 @@ def read(path: str | Path, *, max_bytes: int = MAX_BYTES) -> Image:
         if not start:
             raise ImageError.of(where, "the file is empty")
         for beginning, kind, told in _BEGINNINGS:
-            if start.startswith(beginning) and suffix != kind:
+            if start.startswith(beginning) and suffix not in (kind, ".raw"):
                 raise ImageError.of(where, f"wrong suffix: the file begins as {told} file, not as {suffix}")
         readers = {
             ".exr": exr.read_exr,
@@ -47,6 +47,7 @@ def read(path: str | Path, *, max_bytes: int = MAX_BYTES) -> Image:
             ".npy": arrays.read_npy,
             ".png": png.read_png,
             ".pfm": pfm.read_pfm,
+            ".raw": raw.read_raw,
         }
         return readers[suffix](where, max_bytes)
     except OSError as error:

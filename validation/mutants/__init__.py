@@ -1,0 +1,1 @@
+"""Broken variants of the GL builds, which `check` must catch and name."""
