@@ -26,6 +26,7 @@ _COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("trace", tracing.trace),
     ("compare", comparing.compare),
     ("budget", judging.budget),
+    ("chart", judging.chart),
     ("demo", judging.demo),
     ("scenes", looking.scenes),
     ("techniques", looking.techniques),
