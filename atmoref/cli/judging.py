@@ -1,4 +1,4 @@
-"""``atmoref budget`` and ``atmoref demo``: where errors come from, and the pictures that show it."""
+"""``atmoref budget``, ``atmoref chart`` and ``atmoref demo``: where errors come from, and the pictures that show it."""
 
 from __future__ import annotations
 
@@ -36,6 +36,23 @@ def budget(
         rungs.write(output)
         typer.echo(f"wrote {output}", err=True)
     typer.echo(json.dumps(rungs.to_dict(), indent=2) if as_json else rungs.table())
+
+
+def chart(
+    scene: SceneWord,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="A .png, .svg or .pdf file.")],
+    changes: Changes = None,
+) -> None:
+    """Draw how bright the slabs of each light are and how many sub-planes they get, against the distance (Figure 5)."""
+    from atmoref.cli.pictures import check_output
+    from atmoref.judge.chart import SUFFIXES, write_chart
+    from atmoref.scene import load_scene
+
+    check_output("-o", output, SUFFIXES)
+    for index, each in enumerate(write_chart(load_scene(scene, changes or ()), output)):
+        typer.echo(f"light {index}: {len(each.sub_planes)} main planes, {sum(each.sub_planes)} sub-planes")
+        typer.echo("  m_k " + " ".join(map(str, each.sub_planes)))
+    typer.echo(f"wrote {output}", err=True)
 
 
 def demo(

@@ -29,6 +29,7 @@ _COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("accept", checking.accept),
     ("export", exporting.export),
     ("budget", judging.budget),
+    ("chart", judging.chart),
     ("demo", judging.demo),
     ("scenes", looking.scenes),
     ("techniques", looking.techniques),

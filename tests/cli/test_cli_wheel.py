@@ -58,6 +58,9 @@ def test_the_wheel_is_small_and_whole(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
     assert {f"atmoref/scene/bundled/{name}.toml" for name in bundled_names()} <= names
+    pictures = {path.name for path in (ROOT / "atmoref" / "scene" / "bundled").glob("*.png")}
+    assert pictures
+    assert {f"atmoref/scene/bundled/{name}" for name in pictures} <= names
     assert {f"atmoref/luts/{path.relative_to(ROOT / 'luts')}" for path in (ROOT / "luts").rglob("*.*")} <= names
     assert "atmoref/py.typed" in names
     assert not [name for name in names if name.startswith(("tests/", "validation/"))]

@@ -22,8 +22,12 @@ SCENES = {
     "fig4a": (37, 41),
     "fig4b": (19, 30),
     "fig4c": (37, 41),
+    "fig10a_shafts": (45, 30),
+    "fig9a": (45, 30),
+    "fig9b": (45, 30),
     "keller": (36, 40),
     "quick": (17, 23),
+    "slide": (45, 30),
     "two_lights": (45, 30),
 }
 
