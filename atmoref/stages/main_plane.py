@@ -14,6 +14,7 @@ from atmoref._jit import device
 from atmoref.buffers.sampler import Texture, bilinear
 from atmoref.lanes import (
     any_lane,
+    barycentric,
     exp,
     first_lane,
     floor,
@@ -21,6 +22,7 @@ from atmoref.lanes import (
     lift,
     maximum,
     minimum,
+    nominal,
     pixels,
     select,
     spread_int,
@@ -138,15 +140,15 @@ def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
     """Return the triangle of each pixel; a cell is cut along its diagonal from lower right to upper left."""
     x = pixels(arith, int32(column)) * slab.cells_x + slab.cell_x
     y = (lift(arith, spread_int(int32(row))) + 0.5) * slab.cells_y + slab.cell_y
-    i = minimum(floor(x), mesh_x - 1.0)
-    j = minimum(floor(y), mesh_y - 1.0)
+    i = minimum(floor(nominal(x)), mesh_x - 1.0)
+    j = minimum(floor(nominal(y)), mesh_y - 1.0)
     x, y = x - i, y - j
     row_start, cell = to_int(j) * int32(mesh_x + 1), to_int(i)
     first = row_start + cell
     left = min(first_lane(cell), int32(mesh_x - 2))
     second = cell > spread_int(left)
     narrow = mesh_x > 1 and not any_lane(cell > spread_int(int32(left + 1)))
-    lower = x + y <= 1.0
+    lower = nominal(x + y) <= 1.0
     right, above = first + int32(1), first + int32(mesh_x + 1)
     a = select(lower, first, above + int32(1))
     return Corner(
@@ -167,7 +169,7 @@ def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
 def interpolate(arith, attribute, base, corner):
     """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
     a, b, c = corner_values(arith, attribute, base, corner)
-    return a + corner.wb * (b - a) + corner.wc * (c - a)
+    return barycentric(arith, a, b, c, corner.wb, corner.wc)
 
 
 @device

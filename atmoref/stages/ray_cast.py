@@ -9,7 +9,7 @@ from numba import int32
 from numpy.typing import NDArray
 
 from atmoref._jit import device, subroutine
-from atmoref.lanes import absolute, any_lane, lift, maximum, minimum, select, spread_int, sqrt
+from atmoref.lanes import absolute, any_lane, lift, maximum, minimum, select, spread_int, sqrt, whole
 
 NOTHING = -1
 OCCLUDER = 13  # three edge functions, plane function, slack
@@ -196,7 +196,7 @@ def nearest_hit(arith, solids, start, dx, dy, dz):
     """Return the nearest object ahead of the start along d (not necessarily a unit vector)."""
     zero = dx * 0.0
     t, nx, ny, nz = zero + FAR, zero, zero, zero
-    found = spread_int(int32(NOTHING))
+    found = whole(arith, spread_int(int32(NOTHING)))
     for i in range(solids.spheres.shape[0]):
         meets, enter, leave = sphere_roots(arith, solids.spheres[i], start, dx, dy, dz)
         s = _first(enter, leave)
