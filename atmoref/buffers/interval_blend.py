@@ -46,6 +46,7 @@ from atmoref.lanes import (
     select,
     store,
 )
+from atmoref.lanes import instructions as lane
 from atmoref.lanes.intervals import above, below
 
 
@@ -57,9 +58,7 @@ class RuleBounds(NamedTuple):
     envelope: bool
 
 
-def rule_bounds(
-    fmt: Format, device: Device, rounding: Rounding | None, channel: int, *, envelope: bool
-) -> RuleBounds:
+def rule_bounds(fmt: Format, device: Device, rounding: Rounding | None, channel: int, *, envelope: bool) -> RuleBounds:
     """Return `device.rule` for intervals; see there."""
     own = rule(fmt, device, rounding, channel)
     return RuleBounds(own, own._replace(even=False, bias=0.0, overflow=own.greatest), envelope)
@@ -161,6 +160,7 @@ def _either_float(bounds, x):
 @subroutine
 def stored_float(bounds, x):
     """Return an interval of reals as a float format holds it."""
+    lane.stay_a_call()
     own = bounds.rule
     if own.digits >= 24:
         return pair(x.lo + 0.0, x.hi + 0.0)
@@ -300,6 +300,7 @@ def _unorm(kind: Blend) -> Any:
 
     @subroutine
     def blended(bounds, stored, source, alpha):
+        lane.stay_a_call()
         own = bounds.rule
         code = source_code(own.top, source)
         if own.first:
@@ -325,6 +326,7 @@ def _float(kind: Blend) -> Any:
 
     @subroutine
     def blended(bounds, stored, source, alpha):
+        lane.stay_a_call()
         return stored_float(bounds, real(stored, source, alpha))
 
     return blended
@@ -382,6 +384,7 @@ def _encode(form: Any, rule: Any, x: Any) -> Any:
 @subroutine
 def code_value(bounds, stored):
     """Return what a read of stored codes or numbers gives."""
+    lane.stay_a_call()
     own = bounds.rule
     if not own.unorm:
         return stored

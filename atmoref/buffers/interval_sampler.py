@@ -34,6 +34,7 @@ from atmoref.lanes import (
     select,
     to_int,
 )
+from atmoref.lanes import instructions as lane
 from atmoref.lanes.intervals import above, below, widened
 
 WEIGHT: Final = 1.0 / 256.0
@@ -151,6 +152,7 @@ def _lerp(weight, a, b, bytes_filter):
 @subroutine
 def _over_axis(axis, low, high, bytes_filter):
     """Return the hull of the filter along one axis: ends of the box, and the texel between them."""
+    lane.stay_a_call()
     after = (select(axis.kink, low[1], low[0]), select(axis.kink, low[2], low[1]))
     p, q = _lerp(axis.start, low[0], low[1], bytes_filter), _lerp(axis.end, after[0], after[1], bytes_filter)
     lo = minimum(minimum(p.lo, q.lo), select(axis.kink, low[1], p.lo))
@@ -162,6 +164,7 @@ def _over_axis(axis, low, high, bytes_filter):
 @subroutine
 def _slice(tex, index, x, y, bytes_filter, compares, reference):
     """Return the ends of the bilinear filter from the texel `index`, in texels; compared first where that is asked."""
+    lane.stay_a_call()
     near, middle, far = _row(tex, index), _row(tex, index + tex.row), _row(tex, index + 2 * tex.row)
     if compares:
         near, middle, far = _compared(near, reference), _compared(middle, reference), _compared(far, reference)
@@ -174,6 +177,7 @@ def _slice(tex, index, x, y, bytes_filter, compares, reference):
 @subroutine
 def _planar(tex, channel, u, v, bytes_filter, slack, compares, reference):
     """Return the hull of the two-dimensional filter, in texels."""
+    lane.stay_a_call()
     x, y = _axis(u, tex.width, bytes_filter, slack), _axis(v, tex.height, bytes_filter, slack)
     index = y.first * tex.row + x.first + (tex.row + 1 + channel * tex.plane)
     lo, hi = _slice(tex, index, x, y, bytes_filter, compares, reference)
@@ -187,6 +191,7 @@ def _planar(tex, channel, u, v, bytes_filter, slack, compares, reference):
 @subroutine
 def _solid(tex, channel, u, v, w, bytes_filter, slack):
     """Return the hull of the three-dimensional filter, in texels."""
+    lane.stay_a_call()
     x, y = _axis(u, tex.width, bytes_filter, slack), _axis(v, tex.height, bytes_filter, slack)
     z = _axis(w, tex.depth, bytes_filter, slack)
     index = z.first * tex.slab + y.first * tex.row + x.first + (tex.slab + tex.row + 1 + channel * tex.plane)
@@ -217,6 +222,7 @@ def _value(tex, x):
 @subroutine
 def bilinear_hull(arith, tex, channel, u, v):
     """Return one channel of the bilinear filter over a box."""
+    lane.stay_a_call()
     u, v = _coordinate(arith, u), _coordinate(arith, v)
     result = _planar(tex, channel, u, v, tex.mode == BYTES, 0.0, False, u)
     if tex.envelope:
@@ -227,6 +233,7 @@ def bilinear_hull(arith, tex, channel, u, v):
 @subroutine
 def trilinear_hull(arith, tex, channel, u, v, w):
     """Return one channel of the trilinear filter over a box."""
+    lane.stay_a_call()
     u, v, w = _coordinate(arith, u), _coordinate(arith, v), _coordinate(arith, w)
     result = _solid(tex, channel, u, v, w, tex.mode == BYTES, 0.0)
     if tex.envelope:
@@ -245,6 +252,7 @@ def _cells(x, size, slack):
 @subroutine
 def nearest_hull(arith, tex, channel, u, v):
     """Return the texels that a box may hit, in texels."""
+    lane.stay_a_call()
     slack = 0.0
     if tex.envelope:
         slack = WEIGHT
@@ -263,6 +271,7 @@ def nearest_hull(arith, tex, channel, u, v):
 @subroutine
 def shadow_hull(arith, tex, u, v, reference):
     """Return {0, 1, [0, 1]}, or the filter of four such results."""
+    lane.stay_a_call()
     if tex.clamp_reference:
         reference = saturate(reference)
     if not tex.pcf:

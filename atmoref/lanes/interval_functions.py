@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 
 from numba import types
 
-from atmoref._jit import device
+from atmoref._jit import device, subroutine
 from atmoref.lanes import arith, functions, memory
 from atmoref.lanes import instructions as lane
 from atmoref.lanes.intervals import (
@@ -89,8 +89,9 @@ def _of_interval(function: Any, code: Any) -> None:
         return (lambda x: code(x)) if x == INTERVAL else None
 
 
-@device
+@subroutine
 def _sqrt(x):
+    lane.stay_a_call()
     lo = lane.lane_sqrt(lane.convert(types.float64, lane.lane_max(x.lo, 0.0)))
     hi = lane.lane_sqrt(lane.convert(types.float64, lane.lane_max(x.hi, 0.0)))
     root = loosened(lo, hi, SQRT_ULP, 0.0)
@@ -117,8 +118,9 @@ def _ends(function, x, ulps, least):
     return loosened(lo, hi, ulps, least)
 
 
-@device
+@subroutine
 def _exp(x):
+    lane.stay_a_call()
     size = lane.lane_min(lane.lane_max(lane.lane_abs(x.lo), lane.lane_abs(x.hi)), 128.0)
     ulps = lane.convert(types.float64, size) * EXP_ULP_PER_X + (EXP_ULP + OWN_ULP)
     lo = lane.convert(types.float64, functions.exp(x.lo))
@@ -127,16 +129,18 @@ def _exp(x):
     return pair(lane.lane_max(e.lo, 0.0), e.hi)
 
 
-@device
+@subroutine
 def _log(x):
+    lane.stay_a_call()
     lo = lane.convert(types.float64, functions.log(lane.lane_max(x.lo, 0.0)))
     hi = lane.convert(types.float64, functions.log(lane.lane_max(x.hi, 0.0)))
     return loosened(lo, hi, LOG_ULP + OWN_ULP, LOG_ABSOLUTE)
 
 
-@device
+@subroutine
 def _turning(x, function, first):
     """Return the range of sin or cos, whose maxima lie at `first` + 2 pi k and minima half a turn later."""
+    lane.stay_a_call()
     a, b = lane.convert(types.float64, x.lo), lane.convert(types.float64, x.hi)
     p, q = lane.convert(types.float64, function(x.lo)), lane.convert(types.float64, function(x.hi))
     slack = 1e-6 * lane.lane_max(lane.lane_abs(a), lane.lane_abs(b)) + 1e-6
@@ -159,8 +163,9 @@ def _cos(x):
     return _turning(x, functions.cos, 0.0)
 
 
-@device
+@subroutine
 def _atan2(y, x):
+    lane.stay_a_call()
     a, b = functions.atan2(y.lo, x.lo), functions.atan2(y.lo, x.hi)
     c, d = functions.atan2(y.hi, x.lo), functions.atan2(y.hi, x.hi)
     lo = lane.lane_min(lane.lane_min(a, b), lane.lane_min(c, d))
@@ -215,9 +220,10 @@ def _fma(x: Any, y: Any, z: Any) -> Any:
 
 
 # ---- choices
-@device
+@subroutine
 def _choose(test, x, y):
     """Return x where certainly, y where certainly not, else the hull of both."""
+    lane.stay_a_call()
     both = test.hi & lane.lane_not(test.lo)
     lo = lane.lane_select(test.hi, x.lo, y.lo)
     hi = lane.lane_select(test.hi, x.hi, y.hi)
@@ -314,7 +320,8 @@ def _load(array: Any, start: Any) -> Any:
     if not _is_pair_of_arrays(array):
         return None
     return lambda array, start: pair(
-        lane.convert(types.float32, memory.load(array[0], start)), lane.convert(types.float32, memory.load(array[1], start))
+        lane.convert(types.float32, memory.load(array[0], start)),
+        lane.convert(types.float32, memory.load(array[1], start)),
     )
 
 

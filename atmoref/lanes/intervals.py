@@ -26,7 +26,7 @@ from numba import types
 from numba.core.typeconv import Conversion
 from numba.extending import lower_cast, make_attribute_wrapper, models, register_model
 
-from atmoref._jit import device
+from atmoref._jit import device, subroutine
 from atmoref.lanes import instructions as lane
 from atmoref.lanes.registers import F32, F64, I32, MASK, Lane, N, compiled_only, instruction, overload
 
@@ -224,8 +224,9 @@ def _sum_error(a, b, s):
     return (a - (s - t)) + (b - t)
 
 
-@device
+@subroutine
 def _add(a, b):
+    lane.stay_a_call()
     lo, hi = a.lo + b.lo, a.hi + b.hi
     low, high = _sum_error(a.lo, b.lo, lo) < 0.0, _sum_error(a.hi, b.hi, hi) > 0.0
     return known(lane.lane_select(low, below(lo), lo), lane.lane_select(high, above(hi), hi))
@@ -236,8 +237,9 @@ def _negate(a):
     return pair(0.0 - a.hi, 0.0 - a.lo)
 
 
-@device
+@subroutine
 def _subtract(a, b):
+    lane.stay_a_call()
     return _add(a, _negate(b))
 
 
@@ -255,14 +257,16 @@ def _hull_of_products(a0, a1, b0, b1):
     return lo, lane.lane_max(lane.lane_max(p, q), lane.lane_max(r, s))
 
 
-@device
+@subroutine
 def _multiply(a, b):
+    lane.stay_a_call()
     lo, hi = _hull_of_products(_double(a.lo), _double(a.hi), _double(b.lo), _double(b.hi))
     return outward(lo, hi)  # products of two float32 are exact in float64
 
 
-@device
+@subroutine
 def _divide(a, b):
+    lane.stay_a_call()
     pole = (b.lo <= 0.0) & (b.hi >= 0.0)
     c0, c1 = 1.0 / _double(b.hi), 1.0 / _double(b.lo)
     lo, hi = _hull_of_products(_double(a.lo), _double(a.hi), c0, c1)
