@@ -30,6 +30,7 @@ from atmoref.lanes.intervals import (
     is_interval,
     is_range,
     loosened,
+    outward,
     pair,
     widened,
 )
@@ -148,9 +149,9 @@ def _turning(x, function, first):
     down = lane.lane_floor((b + slack - first) * (0.5 / HALF_TURN) - 0.5) * (2.0 * HALF_TURN) + (first + HALF_TURN)
     hi = lane.lane_select(up, 1.0, lane.lane_max(p, q)) + TRIGONOMETRIC_ABSOLUTE
     lo = lane.lane_select(down >= a - slack, -1.0, lane.lane_min(p, q)) - TRIGONOMETRIC_ABSOLUTE
-    lo, hi = lane.convert(types.float32, lane.lane_max(lo, -1.0)), lane.convert(types.float32, lane.lane_min(hi, 1.0))
+    ends = outward(lane.lane_max(lo, -1.0), lane.lane_min(hi, 1.0))
     far = lane.lane_max(lane.lane_abs(x.lo), lane.lane_abs(x.hi)) > 1e6  # lanes give NaN there
-    return pair(lane.lane_select(far, -1.0, lo), lane.lane_select(far, 1.0, hi))
+    return pair(lane.lane_select(far, -1.0, ends.lo), lane.lane_select(far, 1.0, ends.hi))
 
 
 @device
