@@ -304,6 +304,26 @@ def _bilinear(arith: Any, tex: Any, channel: Any, u: Any, v: Any) -> Any:
     return lambda arith, tex, channel, u, v: bilinear_hull(arith, tex, channel, u, v)
 
 
+@overload(sampler.bilinear_pair)
+def _bilinear_pair(arith: Any, tex: Any, channel: Any, a: Any, b: Any) -> Any:
+    if not _is_interval(arith):
+        return None
+    return lambda arith, tex, channel, a, b: (
+        bilinear_hull(arith, tex, channel, a[0], a[1]),
+        bilinear_hull(arith, tex, channel, b[0], b[1]),
+    )
+
+
+@overload(sampler.shadow_pair)
+def _shadow_pair(arith: Any, tex: Any, a: Any, b: Any, reference_a: Any, reference_b: Any) -> Any:
+    if not _is_interval(arith):
+        return None
+    return lambda arith, tex, a, b, reference_a, reference_b: (
+        shadow_hull(arith, tex, a[0], a[1], reference_a),
+        shadow_hull(arith, tex, b[0], b[1], reference_b),
+    )
+
+
 @overload(sampler.bilinear3)
 def _bilinear3(arith: Any, tex: Any, u: Any, v: Any) -> Any:
     if not _is_interval(arith):

@@ -22,7 +22,10 @@ def compare(
     test: Annotated[Path, typer.Argument(metavar="TEST", help="The image that is judged.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The image that is right.")],
     bounds: Annotated[
-        tuple[Path, Path] | None, typer.Option(metavar="LO HI", help="Images: least and greatest allowed test.")
+        tuple[Path, Path] | None,
+        typer.Option(
+            metavar="LO HI", help="Images of the least and greatest allowed test, or twice the file of atmoref bounds."
+        ),
     ] = None,
     codes: Annotated[int | None, typer.Option(metavar="N", help="Codes that the test may be off.")] = None,
     absolute: Annotated[float | None, typer.Option("--abs", metavar="X", help="Greatest allowed |d|.")] = None,
@@ -50,9 +53,9 @@ def compare(
 
     check_output("--picture", picture)
     check_output("--report", report, _REPORTS)
-    whole = codes is not None
+    whole = codes is not None or bounds is not None
     images = [_read(path, layer, whole) for path in (test, reference)]
-    limits = None if bounds is None else (_read(bounds[0], layer, whole), _read(bounds[1], layer, whole))
+    limits = None if bounds is None else (_read_bound(bounds[0], "low", layer), _read_bound(bounds[1], "high", layer))
     judged = None if mask is None else _read(mask, None, False)
     verdict = judge(images[0], images[1], bounds=limits, codes=codes, abs=absolute, rel=relative, mask=judged)
     if picture is not None:
@@ -77,6 +80,13 @@ def _read(path: Path, layer: str | None, codes: bool) -> Image:
         except ImageError as error:
             raise RequestError(f"{path}: {error}") from None
     return _with_codes(image) if codes else image
+
+
+def _read_bound(path: Path, end: str, layer: str | None) -> Image:
+    """Return one of two bounds: the layer low or high of a file that has it."""
+    from atmoref.images import read
+
+    return _read(path, end if end in read(path).layers() else layer, True)
 
 
 def _with_codes(image: Image) -> Image:

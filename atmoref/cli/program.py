@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 from typer.main import get_command
 
-from atmoref.cli import comparing, doctoring, judging, looking, rendering, storing, tracing
+from atmoref.cli import bounding, comparing, doctoring, judging, looking, rendering, storing, tracing
 from atmoref.cli.failures import WRONG_REQUEST, RequestError, verdict_of
 from atmoref.cli.signals import Signalled
 
@@ -25,6 +25,7 @@ _COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("render", rendering.render),
     ("trace", tracing.trace),
     ("compare", comparing.compare),
+    ("bounds", bounding.bounds),
     ("budget", judging.budget),
     ("demo", judging.demo),
     ("scenes", looking.scenes),

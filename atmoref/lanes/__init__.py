@@ -44,7 +44,7 @@ from atmoref.lanes.instructions import (
     sum_lanes,
     to_int,
 )
-from atmoref.lanes.interval_functions import Interval, barycentric, nominal, whole
+from atmoref.lanes.interval_functions import Interval, apart, barycentric, nominal, possible, unchanged, whole
 from atmoref.lanes.intervals import INTERVAL, RANGE, TRI, pair
 from atmoref.lanes.memory import gather, gather_pair, load, store
 from atmoref.lanes.registers import F32, F64, I32, MASK, Lane, N, compiled_only, is_lane, is_real, overload
@@ -65,6 +65,7 @@ __all__ = [
     "absolute",
     "all_lanes",
     "any_lane",
+    "apart",
     "atan2",
     "barycentric",
     "compiled_only",
@@ -95,6 +96,7 @@ __all__ = [
     "overload",
     "pair",
     "pixels",
+    "possible",
     "power_of_two",
     "rint",
     "round_int",
@@ -110,5 +112,6 @@ __all__ = [
     "sum_lanes",
     "tan",
     "to_int",
+    "unchanged",
     "whole",
 ]

@@ -34,7 +34,7 @@ from atmoref.lanes.intervals import (
     pair,
     widened,
 )
-from atmoref.lanes.registers import F32, F64, I32, compiled_only, is_lane, is_real, overload
+from atmoref.lanes.registers import F32, F64, I32, compiled_only, instruction, is_lane, is_real, overload
 
 OWN_ULP: Final = 1.0  # measured: 0.868 of exp, 0.835 of log, 0.500 of the others (docs/decisions/0004-lanes.md)
 EXP_ULP: Final = 3.0
@@ -53,6 +53,19 @@ class Interval(NamedTuple):
     coordinate: float  # of a texture coordinate, absolute
     attribute: float  # of an interpolated vertex attribute, as a fraction of the corners' magnitude
     weight: float  # of its barycentric weights, absolute
+
+
+@instruction
+def apart(typing: Any, arith: Any) -> Any:
+    """Keep the function that says this a function of its own in kernels of intervals, whose code is long otherwise."""
+
+    def emit(ctx: Any, b: Any, sig: Any, a: Any) -> Any:
+        if _is_tag(arith):
+            b.function.attributes.discard("alwaysinline")
+            b.function.attributes.add("noinline")
+        return ctx.get_dummy_value()
+
+    return types.void(arith), emit
 
 
 # ---- sources
@@ -267,6 +280,16 @@ _of_tri(arith.lane_not, device(lambda test: ~test))
 
 
 @compiled_only
+def possible(test: Any) -> Any:
+    """Return a mask as it is, of a three-valued one where it may be set: for counting."""
+
+
+@overload(possible)
+def _possible(test: Any) -> Any:
+    return (lambda test: test.hi) if test == TRI else (lambda test: test)
+
+
+@compiled_only
 def nominal(x: Any) -> Any:
     """Return a value as it is, of an interval its middle: for choices between branches that agree where they meet.
 
@@ -279,6 +302,18 @@ def _nominal(x: Any) -> Any:
     if x == INTERVAL:
         return lambda x: x.lo + (x.hi - x.lo) * 0.5
     return (lambda x: x) if is_real(x) else None
+
+
+@compiled_only
+def unchanged(x: Any, y: Any) -> Any:
+    """Return the mask of x == y, for a y made from x by a clamp: of intervals certain where both ends stayed."""
+
+
+@overload(unchanged)
+def _unchanged(x: Any, y: Any) -> Any:
+    if x == INTERVAL:
+        return lambda x, y: pair((x.lo == y.lo) & (x.hi == y.hi), (x.lo <= y.hi) & (y.lo <= x.hi))
+    return lambda x, y: x == y
 
 
 @overload(lane.convert)

@@ -14,6 +14,7 @@ from atmoref._jit import device
 from atmoref.buffers.sampler import Texture, bilinear
 from atmoref.lanes import (
     any_lane,
+    apart,
     barycentric,
     exp,
     first_lane,
@@ -168,6 +169,7 @@ def mesh_corner(arith, slab, mesh_x, mesh_y, column, row):
 @device
 def interpolate(arith, attribute, base, corner):
     """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
+    apart(arith)
     a, b, c = corner_values(arith, attribute, base, corner)
     return barycentric(arith, a, b, c, corner.wb, corner.wc)
 
@@ -198,6 +200,7 @@ def vertex_row(arith, attribute, at, second):
 @device
 def place(arith, slab, switches, mesh, ray, column, row):
     """Return what a pixel's ray has in common for all planes; v comes from the mesh where the coordinates do."""
+    apart(arith)
     cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx
     cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
@@ -241,6 +244,7 @@ def sunlight(slab, switches, ray):
 @device
 def _table(arith, q, channel, slab, switches, u, v):
     """Return one channel of q: the table times its range, plus the rest that did not fit."""
+    apart(arith)
     su = minimum(maximum(u * slab.scale_u + slab.offset_u, 0.0), 1.0)
     sv = minimum(maximum(v * slab.scale_v + slab.offset_v, 0.0), 1.0)
     value = bilinear(arith, q.main, channel, su, sv) * slab.range
@@ -258,6 +262,7 @@ def _exact(slab, switches, nodes, weights, sigma, source, u, v, dt):
 @device
 def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane, count):
     """Return f_l = c_k q(u, v) of main plane `plane` at depth z, three channels; of the sun in closed form."""
+    apart(arith)
     nodes, weights = quadrature
     dt = slab.dt + ray.length * 0.0
     if switches.dt_mode == DT_EXACT:

@@ -58,6 +58,16 @@ class Setting:
             budget = self.device.budget
             weight = budget.weight_permitted if self.envelope else budget.weight
             return Interval(budget.coordinate, budget.attribute, weight)
+        return self.point_arith
+
+    @property
+    def point_arithmetic(self) -> Literal["float32", "float64"]:
+        """The arithmetic of what is a point for intervals too: arrays of the host, and triangles as they are drawn."""
+        return "float64" if self.arithmetic == "float64" else "float32"
+
+    @property
+    def point_arith(self) -> Single | Double:
+        """Its tag."""
         return Double() if self.arithmetic == "float64" else Single()
 
     @property
@@ -90,7 +100,7 @@ class Setting:
     def _allocate(
         self, bank: Bank, name: str, key: str, width: int, height: int, channels: int, form: CodeClass
     ) -> Buffer:
-        real: Literal["float32", "float64"] = "float64" if self.arithmetic == "float64" else "float32"
+        real = self.point_arithmetic
         ends = 2 if self.intervals else 1
         needed = ends * needed_bytes(width, height, channels, form, real)
         self.require(bank, needed, f"buffer {key} ({width} x {height})")
