@@ -161,9 +161,25 @@ def _over_axis(axis, low, high, bytes_filter):
     return lo, maximum(maximum(p.hi, q.hi), select(axis.kink, high[1], p.hi))
 
 
+@device
+def _most(axis, a, b, c):
+    """Return the greatest of the texels that a box uses along one axis."""
+    return maximum(maximum(a, b), select(axis.kink, c, b))
+
+
+@device
+def _most_low(axis, row):
+    """Return the opposite of the least."""
+    low = row[0]
+    return _most(axis, 0.0 - low[0], 0.0 - low[1], 0.0 - low[2])
+
+
 @subroutine
-def _slice(tex, index, x, y, bytes_filter, compares, reference):
-    """Return the ends of the bilinear filter from the texel `index`, in texels; compared first where that is asked."""
+def _slice(tex, index, x, y, bytes_filter, room, compares, reference):
+    """Return the ends of the bilinear filter from the texel `index`, in texels; compared first where that is asked.
+
+    `room` on either side, but a filter never leaves the hull of its texels.
+    """
     lane.stay_a_call()
     near, middle, far = _row(tex, index), _row(tex, index + tex.row), _row(tex, index + 2 * tex.row)
     if compares:
@@ -171,16 +187,20 @@ def _slice(tex, index, x, y, bytes_filter, compares, reference):
     a, b = _over_axis(x, near[0], near[1], bytes_filter)
     c, d = _over_axis(x, middle[0], middle[1], bytes_filter)
     e, f = _over_axis(x, far[0], far[1], bytes_filter)
-    return _over_axis(y, (a, c, e), (b, d, f), bytes_filter)
+    lo, hi = _over_axis(y, (a, c, e), (b, d, f), bytes_filter)
+    if room > 0.0:
+        lo = maximum(lo - room, 0.0 - _most(y, _most_low(x, near), _most_low(x, middle), _most_low(x, far)))
+        hi = minimum(hi + room, _most(y, _most(x, *near[1]), _most(x, *middle[1]), _most(x, *far[1])))
+    return lo, hi
 
 
 @subroutine
-def _planar(tex, channel, u, v, bytes_filter, slack, compares, reference):
+def _planar(tex, channel, u, v, bytes_filter, slack, room, compares, reference):
     """Return the hull of the two-dimensional filter, in texels."""
     lane.stay_a_call()
     x, y = _axis(u, tex.width, bytes_filter, slack), _axis(v, tex.height, bytes_filter, slack)
     index = y.first * tex.row + x.first + (tex.row + 1 + channel * tex.plane)
-    lo, hi = _slice(tex, index, x, y, bytes_filter, compares, reference)
+    lo, hi = _slice(tex, index, x, y, bytes_filter, room, compares, reference)
     least, greatest = tex.least, tex.greatest
     if compares:
         least, greatest = 0.0, 1.0
@@ -189,26 +209,27 @@ def _planar(tex, channel, u, v, bytes_filter, slack, compares, reference):
 
 
 @subroutine
-def _solid(tex, channel, u, v, w, bytes_filter, slack):
+def _solid(tex, channel, u, v, w, bytes_filter, slack, room):
     """Return the hull of the three-dimensional filter, in texels."""
     lane.stay_a_call()
     x, y = _axis(u, tex.width, bytes_filter, slack), _axis(v, tex.height, bytes_filter, slack)
     z = _axis(w, tex.depth, bytes_filter, slack)
     index = z.first * tex.slab + y.first * tex.row + x.first + (tex.slab + tex.row + 1 + channel * tex.plane)
-    a, b = _slice(tex, index, x, y, bytes_filter, False, u)
-    c, d = _slice(tex, index + tex.slab, x, y, bytes_filter, False, u)
-    e, f = _slice(tex, index + 2 * tex.slab, x, y, bytes_filter, False, u)
+    a, b = _slice(tex, index, x, y, bytes_filter, room, False, u)
+    c, d = _slice(tex, index + tex.slab, x, y, bytes_filter, room, False, u)
+    e, f = _slice(tex, index + 2 * tex.slab, x, y, bytes_filter, room, False, u)
     lo, hi = _over_axis(z, (a, c, e), (b, d, f), bytes_filter)
+    if room > 0.0:  # the last rounding, between two slices
+        lo = maximum(lo - 0.5 * room, 0.0 - _most(z, 0.0 - a, 0.0 - c, 0.0 - e))
+        hi = minimum(hi + 0.5 * room, _most(z, b, d, f))
     far = x.far | y.far | z.far
     return pair(select(far, tex.least, lo), select(far, tex.greatest, hi))
 
 
 @device
-def _joined(tex, own, permitted, axes):
-    """Return the envelope: the device's own filter and any other of at least 8 bits, rounded once an axis."""
-    room = tex.code * (HALF_CODE * axes)
-    lo, hi = maximum(permitted.lo - room, tex.least), minimum(permitted.hi + room, tex.greatest)
-    return pair(minimum(own.lo, lo), maximum(own.hi, hi))
+def _joined(own, permitted):
+    """Return the envelope: the device's own filter and any other of at least 8 bits."""
+    return pair(minimum(own.lo, permitted.lo), maximum(own.hi, permitted.hi))
 
 
 @device
@@ -224,9 +245,9 @@ def bilinear_hull(arith, tex, channel, u, v):
     """Return one channel of the bilinear filter over a box."""
     lane.stay_a_call()
     u, v = _coordinate(arith, u), _coordinate(arith, v)
-    result = _planar(tex, channel, u, v, tex.mode == BYTES, 0.0, False, u)
+    result = _planar(tex, channel, u, v, tex.mode == BYTES, 0.0, 0.0, False, u)
     if tex.envelope:
-        result = _joined(tex, result, _planar(tex, channel, u, v, False, WEIGHT, False, u), 2.0)
+        result = _joined(result, _planar(tex, channel, u, v, False, WEIGHT, 2.0 * HALF_CODE * tex.code, False, u))
     return _value(tex, result)
 
 
@@ -235,9 +256,9 @@ def trilinear_hull(arith, tex, channel, u, v, w):
     """Return one channel of the trilinear filter over a box."""
     lane.stay_a_call()
     u, v, w = _coordinate(arith, u), _coordinate(arith, v), _coordinate(arith, w)
-    result = _solid(tex, channel, u, v, w, tex.mode == BYTES, 0.0)
+    result = _solid(tex, channel, u, v, w, tex.mode == BYTES, 0.0, 0.0)
     if tex.envelope:
-        result = _joined(tex, result, _solid(tex, channel, u, v, w, False, WEIGHT), 3.0)
+        result = _joined(result, _solid(tex, channel, u, v, w, False, WEIGHT, 2.0 * HALF_CODE * tex.code))
     return _value(tex, result)
 
 
@@ -282,7 +303,7 @@ def shadow_hull(arith, tex, u, v, reference):
     slack = 0.0
     if tex.envelope:
         slack = WEIGHT
-    return _planar(tex, 0, u, v, False, slack, True, reference)
+    return _planar(tex, 0, u, v, False, slack, 0.0, True, reference)
 
 
 # ---- under the names of `sampler`

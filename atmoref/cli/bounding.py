@@ -60,8 +60,9 @@ def bounds(
         typer.echo(json.dumps({**told, "interval": result.provenance["interval"], "format": fmt.name}, indent=2))
         return
     unit = "codes" if fmt.kind == "unorm" else "of the value"
+    device, kind = result.provenance["device"], result.provenance["interval"]
     typer.echo(
-        f"{question.name}, {name}, {fmt.name}, {result.provenance['device']}, interval {result.provenance['interval']}\n"
+        f"{question.name}, {name}, {fmt.name}, {device}, interval {kind}\n"
         f"width ({unit}): median {told['median']:.6g}, 99 % {told['percent_99']:.6g}, greatest {told['greatest']:.6g}; "
         f"{100.0 * told['decided']:.4g} % of all values are decided"
     )

@@ -34,7 +34,7 @@ from atmoref.lanes.intervals import (
     pair,
     widened,
 )
-from atmoref.lanes.registers import F32, F64, I32, compiled_only, instruction, is_lane, is_real, overload
+from atmoref.lanes.registers import I32, compiled_only, instruction, is_lane, is_real, overload
 
 OWN_ULP: Final = 1.0  # measured: 0.868 of exp, 0.835 of log, 0.500 of the others (docs/decisions/0004-lanes.md)
 EXP_ULP: Final = 3.0
@@ -210,22 +210,24 @@ def _atan2_of(y: Any, x: Any) -> Any:
     return (lambda y, x: _atan2(as_interval(y), as_interval(x))) if is_interval(y, x) else None
 
 
-def _extremum(function: Any, code: Any) -> None:
+def _extremum(function: Any, code: Any, fits: Any, as_pair: Any) -> None:
+    """Register code for the lesser or the greater of two pairs."""
+
     @overload(function)
     def _typed(x: Any, y: Any) -> Any:
-        for fits, as_pair in ((is_interval, as_interval), (is_range, as_range)):
-            if fits(x, y):
+        if not fits(x, y):
+            return None
 
-                def ends(x: Any, y: Any) -> Any:
-                    a, b = as_pair(x), as_pair(y)
-                    return pair(code(a.lo, b.lo), code(a.hi, b.hi))
+        def ends(x: Any, y: Any) -> Any:
+            a, b = as_pair(x), as_pair(y)
+            return pair(code(a.lo, b.lo), code(a.hi, b.hi))
 
-                return ends
-        return None
+        return ends
 
 
-_extremum(arith.minimum, lane.lane_min)
-_extremum(arith.maximum, lane.lane_max)
+for _fits, _as_pair in ((is_interval, as_interval), (is_range, as_range)):
+    _extremum(arith.minimum, lane.lane_min, _fits, _as_pair)
+    _extremum(arith.maximum, lane.lane_max, _fits, _as_pair)
 
 
 @overload(lane.fma)

@@ -15,7 +15,7 @@ comparisons
     {all, some, none} lane by lane, as a pair of masks; `select` joins both values where the test is undecided.
 
 Three kinds of pairs: INTERVAL of reals, TRI of masks (certainly, possibly), RANGE of int32 (least, greatest; object ids
-for example).  Lanes and weak scalars beside a pair are points; weak scalars round to float32, as a shader's literals do.
+for example).  Lanes and weak scalars beside a pair are points; scalars round to float32, as a shader's literals do.
 What is undefined in lanes (NaN, 0/0) is outside what intervals tell.
 """
 
@@ -23,7 +23,7 @@ import operator
 from typing import Any, Final
 
 from numba import types
-from numba.core.typeconv import Conversion
+from numba.core.typeconv.castgraph import Conversion
 from numba.extending import lower_cast, make_attribute_wrapper, models, register_model
 
 from atmoref._jit import device, subroutine

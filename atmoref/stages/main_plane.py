@@ -11,7 +11,7 @@ from numba import int32
 from numpy.typing import NDArray
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import Texture, bilinear
+from atmoref.buffers.sampler import bilinear
 from atmoref.lanes import (
     any_lane,
     apart,
@@ -92,8 +92,8 @@ class SlabSwitches(NamedTuple):
 class QMaps(NamedTuple):
     """The q table, and the table of what exceeds its range (one texel where there is none)."""
 
-    main: Texture
-    rest: Texture
+    main: Any  # Texture, of intervals TextureBounds
+    rest: Any
 
 
 class Mesh(NamedTuple):

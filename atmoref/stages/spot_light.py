@@ -12,7 +12,7 @@ the two maps in the method's own analysis.
 from typing import Any, NamedTuple
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import Texture, bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
+from atmoref.buffers.sampler import bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
 from atmoref.lanes import absolute, any_lane, apart, atan2, lift, maximum, minimum, saturate, select, sqrt, unchanged
 from atmoref.stages.ray_cast import Start, occluded, origin
 
@@ -70,8 +70,8 @@ class Switches(NamedTuple):
 class Maps(NamedTuple):
     """Textures of one spotlight."""
 
-    shadow: Texture
-    light: Texture
+    shadow: Any  # Texture, of intervals TextureBounds
+    light: Any
 
 
 class LightRay(NamedTuple):

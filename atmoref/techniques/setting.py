@@ -48,7 +48,7 @@ class Setting:
 
     @property
     def intervals(self) -> bool:
-        """Are values intervals?"""
+        """Whether values are intervals."""
         return self.arithmetic == "interval"
 
     @property
