@@ -34,6 +34,8 @@ WITHOUT_KERNELS: Final = frozenset(
     ("cases", "cli", "compare", "export", "images", "judge", "report", "scene", "sequence", "techniques")
 )
 """Rooms whose modules no kernel is made from (a test looks): editing them keeps every binary."""
+_UNCALLED: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Helpers are called by kernels alone: entries for Python would hold two more copies of all that they inline."""
 settings: Any = config  # Numba sets its names at run time
 _njit: Any = numba.njit  # its stubs do not know `_nrt`
 _log = logging.getLogger(__name__)
@@ -131,9 +133,9 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def device(function: Callable[..., Any]) -> Any:
     """Compile a helper that is inlined wherever a kernel calls it: lanes then stay in registers."""
-    return _njit(error_model="numpy", fastmath=False, forceinline=True, _nrt=False)(function)
+    return _njit(error_model="numpy", fastmath=False, forceinline=True, _nrt=False, **_UNCALLED)(function)
 
 
 def subroutine(function: Callable[..., Any]) -> Any:
     """Compile a helper that stays a call where LLVM sees no gain: long code on a path that is rarely taken."""
-    return _njit(error_model="numpy", fastmath=False, _nrt=False)(function)
+    return _njit(error_model="numpy", fastmath=False, _nrt=False, **_UNCALLED)(function)

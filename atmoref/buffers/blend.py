@@ -39,6 +39,7 @@ from numba import types
 from atmoref._jit import device
 from atmoref.lanes import (
     F32,
+    INTERVAL,
     absolute,
     compiled_only,
     convert,
@@ -291,6 +292,8 @@ def _of_source(name: str, doc: str, unorm: Any, real: Any) -> Any:
 
     @overload(function)
     def _chosen(form: Any, rule: Any, stored: Any, source: Any) -> Any:
+        if INTERVAL in (stored, source):
+            return None  # `interval_blend`
         if is_tag(form, Unorm):
             return lambda form, rule, stored, source: unorm(form, rule, stored, source)
         if is_tag(form, Exact):
@@ -317,6 +320,8 @@ def _of_source_and_alpha(name: str, doc: str, unorm: Any, real: Any) -> Any:
 
     @overload(function)
     def _chosen(form: Any, rule: Any, stored: Any, source: Any, alpha: Any) -> Any:
+        if INTERVAL in (stored, source, alpha):
+            return None
         if is_tag(form, Unorm):
             return lambda form, rule, stored, source, alpha: unorm(form, rule, stored, source, alpha)
         if is_tag(form, Exact):
@@ -385,6 +390,8 @@ def value(form: Any, rule: Any, stored: Any) -> Any:
 
 @overload(encode)
 def _encode(form: Any, rule: Any, x: Any) -> Any:
+    if x == INTERVAL:
+        return None
     if is_tag(form, Unorm):
         return lambda form, rule, x: encode_unorm(form, rule, x)
     if is_tag(form, Exact):
@@ -400,6 +407,8 @@ def _encode(form: Any, rule: Any, x: Any) -> Any:
 
 @overload(value)
 def _value(form: Any, rule: Any, stored: Any) -> Any:
+    if stored == INTERVAL:
+        return None
     if is_tag(form, Exact):
         return lambda form, rule, stored: stored
     divides = stored != F32
@@ -437,6 +446,8 @@ def _read(arith: Any, data: Any, at: Any) -> Any:
 
 @overload(write)
 def _write(data: Any, at: Any, x: Any) -> Any:
+    if x == INTERVAL:
+        return None
     if isinstance(data.dtype, types.Integer):
         return lambda data, at, x: store(data, at, to_int(x))
     dtype = data.dtype

@@ -45,6 +45,33 @@ FILTERS: Final[tuple[str, ...]] = get_args(Filter)
 
 
 @dataclass(frozen=True, slots=True)
+class Budget:
+    """By how much a correct build may leave the mirror beyond the roundings of its own arithmetic.
+
+    What is allowed to single operations, from + to exp, is the specifications' and the same for every device: see
+    `lanes.intervals` and `lanes.interval_functions`.
+
+    Parameters
+    ----------
+    coordinate
+        Of a texture coordinate in [0, 1], absolute.  Two ulps below 1: a rounding of the hardware's own, and one of
+        its reciprocal.  Assumed; llvmpipe needs none.
+    attribute
+        Of an interpolated vertex attribute, as a fraction of the greatest magnitude at the triangle's corners.
+        Measured on llvmpipe: 3e-6 of colours up to 1 and 8e-6 m of coordinates up to some 40 m (docs/validation-gl.md).
+    weight
+        Of barycentric weights, absolute, in cells of the mesh.  Assumed: vertices stand on whole pixels.
+    weight_permitted
+        The same for the envelope: 1/256 of a pixel in a cell of four, vertices being snapped to 8 bits below the pixel.
+    """
+
+    coordinate: float = 2.0**-22
+    attribute: float = 2.0**-18
+    weight: float = 2.0**-16
+    weight_permitted: float = 2.0**-10
+
+
+@dataclass(frozen=True, slots=True)
 class Device:
     """What one piece of hardware decides.
 
@@ -84,6 +111,8 @@ class Device:
         Formats whose rules were measured on the device; empty for a device that is a definition or an assumption.
     assumed
         Was nothing measured?
+    budget
+        What is left open to correct builds on it; read by intervals alone.
     """
 
     name: str
@@ -100,6 +129,7 @@ class Device:
     interpolation: Literal["triangle", "screen"] = "triangle"
     measured: frozenset[str] = frozenset()
     assumed: bool = False
+    budget: Budget = Budget()
 
     def __post_init__(self) -> None:
         for key, allowed in (("rounding", ROUNDINGS), ("float_rounding", ROUNDINGS)):

@@ -82,6 +82,11 @@ class Buffer:
         """Elements from one channel to the next."""
         return self.pitch * self.height
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the array."""
+        return int(self.data.nbytes)
+
     def _top_first(self) -> NDArray[Any]:
         """Return a view (H, W, C) of the stored numbers, row 0 at the top."""
         planar = self.data.reshape(self.channels, self.height, self.pitch)

@@ -19,6 +19,7 @@ bytes
     filter and 3 of the trilinear one (less than one per axis; 1.45 and 1.87 measured on random textures).
 """
 
+import inspect
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -29,11 +30,13 @@ from atmoref.buffers.device import Device, Filter, decode_factors
 from atmoref.buffers.formats import Format, decode_as, encode
 from atmoref.lanes import (
     F32,
+    Interval,
     compiled_only,
     floor,
     fma,
     gather,
     gather_pair,
+    is_tag,
     lerp_bytes,
     lift,
     overload,
@@ -181,6 +184,18 @@ def _quads(codes: NDArray[Any]) -> NDArray[np.int32]:
     return np.ascontiguousarray(a | b << 8 | c << 16 | d << 24).ravel().view(np.int32)
 
 
+def for_lanes(code: Any) -> Any:
+    """Return the public name of a helper of lanes, under which intervals have code of their own."""
+    function = compiled_only(code)
+
+    def choose(*types: Any) -> Any:
+        return None if is_tag(types[0], Interval) else code
+
+    choose.__signature__ = inspect.signature(code)  # type: ignore[attr-defined]
+    overload(function)(choose)
+    return function
+
+
 # ---- coordinates
 @device
 def project(x, y, w):
@@ -260,7 +275,7 @@ def texel(tex, u, v):
     return to_int(v * tex.height) * tex.row + to_int(u * tex.width) + (tex.row + 1)
 
 
-@device
+@for_lanes
 def nearest(arith, tex, channel, u, v):
     """Return the texel at (u, v)."""
     return lift(arith, gather(tex.data, texel(tex, u, v) + channel * tex.plane))
@@ -303,7 +318,7 @@ def byte_quad(tex, index, shift, wx, wy):
     return lerp_bytes(low, lerp_bytes((c >> shift) & EVEN, (d >> shift) & EVEN, wx), wy)
 
 
-@device
+@for_lanes
 def bilinear(arith, tex, channel, u, v):
     """Return one channel of the bilinear filter at (u, v)."""
     if tex.mode == BYTES:
@@ -316,7 +331,7 @@ def bilinear(arith, tex, channel, u, v):
     return quad(arith, tex, index + channel * tex.plane, wx, wy)
 
 
-@device
+@for_lanes
 def bilinear_pair(arith, tex, channel, a, b):
     """Return `bilinear` at two places (us, vs); the reads stand side by side, for each waits for all before it."""
     if tex.quads and tex.mode != BYTES:
@@ -333,7 +348,7 @@ def bilinear_pair(arith, tex, channel, a, b):
     return bilinear(arith, tex, channel, a[0], a[1]), bilinear(arith, tex, channel, b[0], b[1])
 
 
-@device
+@for_lanes
 def bilinear3(arith, tex, u, v):
     """Return the first three channels of the bilinear filter at (u, v)."""
     if tex.mode == BYTES:
@@ -359,7 +374,7 @@ def bilinear3(arith, tex, u, v):
     )
 
 
-@device
+@for_lanes
 def trilinear(arith, tex, channel, u, v, w):
     """Return one channel of the trilinear filter of a volume at (u, v, w)."""
     if tex.mode == BYTES:
@@ -387,7 +402,7 @@ def shadow_reference(tex, reference):
     return reference
 
 
-@device
+@for_lanes
 def shadow_compare(arith, tex, u, v, reference):
     """Return 1 where reference <= stored depth (channel 0), else 0; with PCF the bilinear filter of four results."""
     reference = shadow_reference(tex, reference)
@@ -401,7 +416,7 @@ def shadow_compare(arith, tex, u, v, reference):
     return lerp_quad(tex, wx, wy, below_a, below_b, select(reference <= c, one, 0.0), select(reference <= d, one, 0.0))
 
 
-@device
+@for_lanes
 def shadow_pair(arith, tex, a, b, reference_a, reference_b):
     """Return `shadow_compare` at two places (us, vs), the reads side by side."""
     if tex.pcf:

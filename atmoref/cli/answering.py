@@ -118,6 +118,11 @@ def answer(request: Request, waiting: Waiting, watch: Watch | None = None) -> Re
                 "--stages: the truth has no stages; allowed with the techniques " + ", ".join(TECHNIQUES)
             )
         return _truth(request, waiting)
+    if watch is not None and request.scene.buffers.arithmetic == "interval":
+        raise RequestError(
+            '--stages: buffers of intervals have two ends; allowed: buffers.arithmetic = "float32" or "float64" '
+            "(bounds of draws: atmoref.judge.bounds.draw_bounds)"
+        )
     load_numba_without_blas()
     from atmoref.techniques.render import render
 

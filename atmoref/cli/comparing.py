@@ -25,7 +25,10 @@ def compare(
     test: Annotated[Path, typer.Argument(metavar="TEST", help="The image that is judged.")],
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="The image that is right.")],
     bounds: Annotated[
-        tuple[Path, Path] | None, typer.Option(metavar="LO HI", help="Images: least and greatest allowed test.")
+        tuple[Path, Path] | None,
+        typer.Option(
+            metavar="LO HI", help="Images of the least and greatest allowed test, or twice the file of atmoref bounds."
+        ),
     ] = None,
     codes: Annotated[int | None, typer.Option(metavar="N", help="Codes that the test may be off.")] = None,
     absolute: Annotated[float | None, typer.Option("--abs", metavar="X", help="Greatest allowed |d|.")] = None,
@@ -68,13 +71,14 @@ def compare(
     check_output("--picture", picture)
     for path in report or ():
         check_output("--report", path, _REPORTS)
-    whole = codes is not None
+    whole = codes is not None or bounds is not None
     images = [_chosen(_read(path, layer, whole), path, channels) for path in (test, reference)]
     if transfer is not None:
         images[0] = Image(images[0].channels, {**images[0].attributes, "transfer": transfer})
     limits = None
     if bounds is not None:
-        low, high = (_chosen(_read(path, layer, whole), path, channels) for path in bounds)
+        ends = [_read_bound(path, end, layer) for path, end in zip(bounds, ("low", "high"), strict=True)]
+        low, high = (_chosen(image, path, channels) for image, path in zip(ends, bounds, strict=True))
         limits = low, high
     judged = judged_pixels(mask, ignore or (), images[1].shape)
     asked = Limits(limits, codes, absolute, relative)
@@ -125,6 +129,13 @@ def _read(path: Path, layer: str | None, codes: bool) -> Image:
         except ImageError as error:
             raise RequestError(f"{path}: {error}") from None
     return _with_codes(image) if codes else image
+
+
+def _read_bound(path: Path, end: str, layer: str | None) -> Image:
+    """Return one of two bounds: the layer low or high of a file that has it."""
+    from atmoref.images import read
+
+    return _read(path, end if end in read(path).layers() else layer, True)
 
 
 def _with_codes(image: Image) -> Image:

@@ -67,9 +67,25 @@ def attributes(provenance: Mapping[str, Any]) -> Attributes:
     return told
 
 
+def bounds_image(result: Result) -> Image:
+    """Return the bounds of a result in intervals, float64: layers low and high."""
+    assert result.bounds is not None
+    planes = {
+        f"{layer}.{name}": np.ascontiguousarray(end[..., i])
+        for layer, end in zip(("low", "high"), result.bounds, strict=True)
+        for i, name in enumerate("RGB")
+    }
+    return Image(planes, attributes(result.provenance) | {"content": "least and greatest linear radiance"})
+
+
 def values_image(result: Result) -> Image:
-    """Return the linear values of a result, float64; with an error, it stands in channels error.R, error.G, error.B."""
+    """Return the linear values of a result, float64; an error stands in channels error.R ..., bounds in low.R, high.R.
+
+    Of intervals the values are the middle.
+    """
     image = from_rgb(result.image, attributes(result.provenance) | {"content": "linear radiance"})
+    if result.bounds is not None:
+        return Image({**image.channels, **bounds_image(result).channels}, image.attributes)
     if result.error is None:
         return image
     errors = {f"error.{name}": np.ascontiguousarray(result.error[..., i]) for i, name in enumerate("RGB")}
@@ -88,7 +104,7 @@ def picture(result: Result) -> Image:
 def frame_codes(result: Result) -> NDArray[Any] | None:
     """Return the frame's codes, (H, W, 3) of the crop that the result shows, or None where it holds no codes."""
     frame = result.buffers.get("frame")
-    if frame is None or frame.format.kind != "unorm":
+    if frame is None or frame.format.kind != "unorm" or result.bounds is not None:
         return None
     return np.asarray(np.rint(result.image * frame.format.top).astype(frame.format.storage))
 

@@ -15,7 +15,18 @@ from typing import Annotated, Any
 import typer
 from typer.main import get_command
 
-from atmoref.cli import checking, comparing, doctoring, exporting, judging, looking, rendering, storing, tracing
+from atmoref.cli import (
+    bounding,
+    checking,
+    comparing,
+    doctoring,
+    exporting,
+    judging,
+    looking,
+    rendering,
+    storing,
+    tracing,
+)
 from atmoref.cli.failures import WRONG_REQUEST, RequestError, verdict_of
 from atmoref.cli.signals import Signalled
 
@@ -28,6 +39,7 @@ _COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("check", checking.check),
     ("accept", checking.accept),
     ("export", exporting.export),
+    ("bounds", bounding.bounds),
     ("budget", judging.budget),
     ("chart", judging.chart),
     ("demo", judging.demo),

@@ -100,6 +100,10 @@ def trace_pixel(
     from atmoref.pipeline import run
     from atmoref.techniques.render import prepare, provenance
 
+    if scene.buffers.arithmetic == "interval":
+        raise RequestError(
+            f'{scene.origin}: buffers.arithmetic: found "interval"; allowed with trace: "float32" or "float64"'
+        )
     first = x // N * N
     window = (first, y, min(N, scene.image.width - first), 1)
     name, setting, passes, bank, report = prepare(scene, technique, window, max_memory, trace=True)

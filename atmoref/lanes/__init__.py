@@ -1,7 +1,8 @@
 """The wave in which a shader runs: N neighbouring pixels in one register, inside kernels compiled by Numba.
 
 A kernel reads like the shader it mirrors: comparisons give masks, `select` chooses, `any_lane(mask)` asks whether any
-lane is left.  The same source runs in float32 and float64 (tags `Single`, `Double`); width 1 is its scalar build.
+lane is left.  The same source runs in float32, float64 and intervals (tags `Single`, `Double`, `Interval`); width 1 is
+its scalar build.
 """
 
 import atmoref.lanes.operators  # noqa: F401  registers the operators
@@ -43,6 +44,8 @@ from atmoref.lanes.instructions import (
     sum_lanes,
     to_int,
 )
+from atmoref.lanes.interval_functions import Interval, apart, barycentric, nominal, possible, unchanged, whole
+from atmoref.lanes.intervals import INTERVAL, RANGE, TRI, pair
 from atmoref.lanes.memory import gather, gather_pair, load, store
 from atmoref.lanes.registers import F32, F64, I32, MASK, Lane, N, compiled_only, is_lane, is_real, overload
 
@@ -50,15 +53,21 @@ __all__ = [
     "F32",
     "F64",
     "I32",
+    "INTERVAL",
     "MASK",
+    "RANGE",
+    "TRI",
     "Double",
+    "Interval",
     "Lane",
     "N",
     "Single",
     "absolute",
     "all_lanes",
     "any_lane",
+    "apart",
     "atan2",
+    "barycentric",
     "compiled_only",
     "convert",
     "copy_sign",
@@ -83,8 +92,11 @@ __all__ = [
     "log",
     "maximum",
     "minimum",
+    "nominal",
     "overload",
+    "pair",
     "pixels",
+    "possible",
     "power_of_two",
     "rint",
     "round_int",
@@ -100,4 +112,6 @@ __all__ = [
     "sum_lanes",
     "tan",
     "to_int",
+    "unchanged",
+    "whole",
 ]

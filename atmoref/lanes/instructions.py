@@ -283,6 +283,21 @@ def copy_sign(typing: Any, size: Any, sign: Any) -> Any:
 
 # ---- others
 @instruction
+def stay_a_call(typing: Any) -> Any:
+    """Keep the function that says this from being inlined, which LLVM otherwise does with whatever is small enough.
+
+    For helpers that stand at hundreds of places of a kernel: inlined, they take most of the time of its compilation.
+    """
+
+    def emit(ctx: Any, b: Any, sig: Any, a: Any) -> Any:
+        b.function.attributes.discard("alwaysinline")  # Numba hands a caller's flag down to what it calls
+        b.function.attributes.add("noinline")
+        return ctx.get_dummy_value()
+
+    return types.void(), emit
+
+
+@instruction
 def fma(typing: Any, x: Any, y: Any, z: Any) -> Any:
     """Return x y + z rounded once; for devices that fuse, since kernels otherwise never do.
 

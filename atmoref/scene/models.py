@@ -141,7 +141,14 @@ class Buffers(Table):
     __pydantic_extra__: dict[str, BufferFormat] = Field(init=False)
 
     format: FormatName | None = quantity("", "Storage format of the frame.", None)
-    arithmetic: Literal["float32", "float64"] | None = quantity("", "Precision of the shading.", None)
+    arithmetic: Literal["float32", "float64", "interval"] | None = quantity(
+        "", "Precision of the shading; intervals enclose what correct builds may store.", None
+    )
+    interval: Literal["device", "envelope"] = quantity(
+        "",
+        "With arithmetic = interval: builds on this device, or on any that the specifications permit.",
+        "device",
+    )
     device: DeviceName = quantity("", "Whose rules for storing, filtering and comparing.", "ideal")
     rounding: RoundingName | None = quantity("", "How unorm stores round, where the device leaves it open.", None)
 

@@ -26,6 +26,8 @@ class Result:
         Every named buffer.
     stats
         Times, draws, samples, memory.
+    bounds
+        Least and greatest image that a correct build may draw, where intervals were computed; `image` is their middle.
     provenance
         Scene, versions, formats, device: what is needed to make it again.
     """
@@ -35,3 +37,4 @@ class Result:
     buffers: dict[str, Any] = field(default_factory=dict)
     stats: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None

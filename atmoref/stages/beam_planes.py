@@ -13,7 +13,7 @@ from numba import float64, int32, int64
 
 from atmoref._jit import device, kernel
 from atmoref.buffers.blend import value
-from atmoref.lanes import N, any_lane, convert, lift, load, select, spread_int, store, sum_lanes
+from atmoref.lanes import N, any_lane, apart, convert, lift, load, possible, select, spread_int, store, sum_lanes
 from atmoref.stages.camera import Camera, camera_ray
 from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
 from atmoref.stages.spot_light import Spot, Switches, light_ray, light_span
@@ -97,7 +97,7 @@ def probe_sub_plane(arith, probe, draws, s, k, lit, h):
 @device
 def tally(samples, waves, mask):
     """Return samples and waves, one more each where the mask is set."""
-    return samples + select(mask, spread_int(int32(1)), spread_int(int32(0))), waves + int(any_lane(mask))
+    return samples + select(possible(mask), spread_int(int32(1)), spread_int(int32(0))), waves + int(any_lane(mask))
 
 
 @device
@@ -151,6 +151,7 @@ def draw_main_plane(
     count,
 ):
     """Blend ONE, ONE main plane k, f_h c_k q, into the frame's registers."""
+    apart(arith)
     frame_rules, fast_rules = rules
     mask = h.r > 0.0
     if switches.grey_light == 0:

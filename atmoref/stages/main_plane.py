@@ -11,9 +11,11 @@ from numba import int32
 from numpy.typing import NDArray
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import Texture, bilinear
+from atmoref.buffers.sampler import bilinear
 from atmoref.lanes import (
     any_lane,
+    apart,
+    barycentric,
     exp,
     first_lane,
     floor,
@@ -22,6 +24,7 @@ from atmoref.lanes import (
     lift,
     maximum,
     minimum,
+    nominal,
     pixels,
     select,
     spread_int,
@@ -92,8 +95,8 @@ class SlabSwitches(NamedTuple):
 class QMaps(NamedTuple):
     """The q table, and the table of what exceeds its range (one texel where there is none)."""
 
-    main: Texture
-    rest: Texture
+    main: Any  # Texture, of intervals TextureBounds
+    rest: Any
 
 
 class Grid(NamedTuple):
@@ -171,8 +174,8 @@ def mesh_corner(arith, slab, switches, grid, column, row):
     mesh_x, mesh_y = switches.mesh_x, switches.mesh_y
     x = pixels(arith, int32(column)) * slab.cells_x + slab.cell_x
     y = (lift(arith, spread_int(int32(row))) + 0.5) * slab.cells_y + slab.cell_y
-    i = minimum(floor(x), mesh_x - 1.0)
-    j = minimum(floor(y), mesh_y - 1.0)
+    i = minimum(floor(nominal(x)), mesh_x - 1.0)
+    j = minimum(floor(nominal(y)), mesh_y - 1.0)
     x, y = x - i, y - j
     bottom, cell = to_int(j), to_int(i)
     row_start = bottom * int32(mesh_x + 1)
@@ -181,12 +184,12 @@ def mesh_corner(arith, slab, switches, grid, column, row):
     second = cell > spread_int(left)
     narrow = mesh_x > 1 and not any_lane(cell > spread_int(int32(left + 1)))
     right, above = first + int32(1), first + int32(mesh_x + 1)
-    lower = x + y <= 1.0
+    lower = nominal(x + y) <= 1.0
     zero = x * 0.0
     setup = Setup(zero, zero, zero, zero, zero, zero, zero, zero)
     a, b = select(lower, first, above + int32(1)), select(lower, right, above)
     if switches.screen != 0:
-        lower = x + y < 1.0 - TIE
+        lower = nominal(x + y) < 1.0 - TIE
         setup = triangle_setup(arith, grid, cell, bottom, lower, column, row)
         a, b = select(lower, right, above), select(lower, first, above + int32(1))
         narrow = False
@@ -215,9 +218,10 @@ def triangle_setup(arith, grid, cell, bottom, lower, column, row):
 @device
 def interpolate(arith, switches, attribute, base, corner):
     """Return a vertex attribute within the triangle, linear on the screen (planes are parallel to it)."""
+    apart(arith)
     a, b, c = corner_values(arith, attribute, base, corner)
     if switches.screen == 0:
-        return a + corner.wb * (b - a) + corner.wc * (c - a)
+        return barycentric(arith, a, b, c, corner.wb, corner.wc)
     e, f, setup = a - b, c - a, corner.setup
     dx, dy = e * setup.fy - f * setup.ey, f * setup.ex - e * setup.fx
     start = a - (dx * setup.x + dy * setup.y)
@@ -250,6 +254,7 @@ def vertex_row(arith, attribute, at, second):
 @device
 def place(arith, slab, switches, mesh, ray, column, row):
     """Return what a pixel's ray has in common for all planes; v comes from the mesh where the coordinates do."""
+    apart(arith)
     cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx
     cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy
     cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz
@@ -293,6 +298,7 @@ def sunlight(slab, switches, ray):
 @device
 def _table(arith, q, channel, slab, switches, u, v):
     """Return one channel of q: the table times its range, plus the rest that did not fit."""
+    apart(arith)
     su = minimum(maximum(u * slab.scale_u + slab.offset_u, 0.0), 1.0)
     sv = minimum(maximum(v * slab.scale_v + slab.offset_v, 0.0), 1.0)
     value = bilinear(arith, q.main, channel, su, sv) * slab.range
@@ -310,6 +316,7 @@ def _exact(slab, switches, nodes, weights, sigma, source, u, v, dt):
 @device
 def slow_factor(arith, slab, switches, q, mesh, quadrature, ray, where, z, plane, count):
     """Return f_l = c_k q(u, v) of main plane `plane` at depth z, three channels; of the sun in closed form."""
+    apart(arith)
     nodes, weights = quadrature
     dt = slab.dt + ray.length * 0.0
     if switches.dt_mode == DT_EXACT:

@@ -9,7 +9,7 @@ from numba import int32
 from numpy.typing import NDArray
 
 from atmoref._jit import device, subroutine
-from atmoref.lanes import absolute, any_lane, lift, maximum, minimum, select, spread_int, sqrt
+from atmoref.lanes import absolute, any_lane, apart, lift, maximum, minimum, select, spread_int, sqrt, whole
 
 NOTHING = -1
 OCCLUDER = 13  # three edge functions, plane function, slack
@@ -146,6 +146,7 @@ def occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked):
     The plane function is the inverse of the parameter of the hit.  A lane's answer does not hang on its neighbours':
     what a box has kept out is not looked at, also where another lane needs that box.
     """
+    apart(arith)
     reach = maximum(maximum(absolute(dx), absolute(dy)), absolute(dz))
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
     node = 0
@@ -172,6 +173,7 @@ def occluded(arith, solids, start, dx, dy, dz, own):
 
     Triangles may belong to `own`, and want the origin as the start.
     """
+    apart(arith)
     blocked = own < spread_int(int32(-2))
     for i in range(solids.spheres.shape[0]):
         meets, enter, leave = sphere_roots(arith, solids.spheres[i], start, dx, dy, dz)
@@ -194,9 +196,10 @@ def _sign(test, d):
 @device
 def nearest_hit(arith, solids, start, dx, dy, dz):
     """Return the nearest object ahead of the start along d (not necessarily a unit vector)."""
+    apart(arith)
     zero = dx * 0.0
     t, nx, ny, nz = zero + FAR, zero, zero, zero
-    found = spread_int(int32(NOTHING))
+    found = whole(arith, spread_int(int32(NOTHING)))
     for i in range(solids.spheres.shape[0]):
         meets, enter, leave = sphere_roots(arith, solids.spheres[i], start, dx, dy, dz)
         s = _first(enter, leave)

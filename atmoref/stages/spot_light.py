@@ -12,8 +12,8 @@ the two maps in the method's own analysis.
 from typing import Any, NamedTuple
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import Texture, bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
-from atmoref.lanes import absolute, any_lane, atan2, lift, maximum, minimum, saturate, select, sqrt
+from atmoref.buffers.sampler import bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
+from atmoref.lanes import absolute, any_lane, apart, atan2, lift, maximum, minimum, saturate, select, sqrt, unchanged
 from atmoref.stages.ray_cast import Start, occluded, origin
 
 BEYOND = 1e9  # metres: farther than anything that could cast a shadow
@@ -70,8 +70,8 @@ class Switches(NamedTuple):
 class Maps(NamedTuple):
     """Textures of one spotlight."""
 
-    shadow: Texture
-    light: Texture
+    shadow: Any  # Texture, of intervals TextureBounds
+    light: Any
 
 
 class LightRay(NamedTuple):
@@ -190,6 +190,7 @@ class Point(NamedTuple):
 @device
 def project_point(arith, switches, spot, light, z):
     """Return the points eye + z d in the light's projection."""
+    apart(arith)
     w = light.w * z + spot.w_0
     u, v = light.u * z + spot.u_0, light.v * z + spot.v_0
     inverse = lift(arith, 1.0)
@@ -197,9 +198,9 @@ def project_point(arith, switches, spot, light, z):
         inverse = inverse / maximum(w, spot.least_w)
         u, v = u * inverse, v * inverse
     us, vs = saturate(u), saturate(v)
-    mask = (w >= spot.least_w) & (us == u) & (vs == v)
+    mask = (w >= spot.least_w) & unchanged(u, us) & unchanged(v, vs)
     if switches.unbounded != 0:
-        mask = w == w
+        mask = unchanged(w, w)
     return Point(mask, us, vs, u, v, w, inverse)
 
 
@@ -214,6 +215,7 @@ def depth_reference(switches, spot, point):
 @device
 def visibility(arith, switches, spot, maps, solids, ray, z, own, point):
     """Return H: 0 or 1, or a fraction from percentage-closer filtering."""
+    apart(arith)
     if switches.exact_visibility != 0:
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
         if switches.parallel != 0:
@@ -239,13 +241,14 @@ def _unless(blocked, like):
 def beyond_map(switches, point, visible):
     """Return the visibility, 1 beyond the map of a sun without a window: there is nothing that casts a shadow."""
     if switches.unbounded != 0:
-        return select((point.us == point.u) & (point.vs == point.v), visible, 1.0)
+        return select(unchanged(point.u, point.us) & unchanged(point.v, point.vs), visible, 1.0)
     return visible
 
 
 @device
 def distribution(arith, switches, spot, maps, ray, z, point):
     """Return I_l per channel, from the light map or in closed form."""
+    apart(arith)
     if switches.exact_distribution != 0:
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
         distance = sqrt(dx * dx + dy * dy + dz * dz)
@@ -292,6 +295,7 @@ def received(switches, mask, point, colour, visible):
 @device
 def shine(arith, switches, spot, maps, solids, ray, z, own, point, mask):
     """Return I_l H at eye + z d, of which `point` is the projection, within the mask."""
+    apart(arith)
     zero = point.w * 0.0
     if switches.skip != 0 and not any_lane(mask):
         return Lit(mask, zero, zero, zero, point.u, point.v, point.w)

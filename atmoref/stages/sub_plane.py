@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from atmoref._jit import device
 from atmoref.buffers.blend import add
-from atmoref.lanes import any_lane, lift
+from atmoref.lanes import any_lane, apart, lift
 from atmoref.stages.spot_light import Lit, distribution_pair, project_point, received, shine, visibility_pair
 from atmoref.stages.target import Colour, channel_rule
 
@@ -43,6 +43,7 @@ def add_sub_plane(arith, form, rules, switches, draws, s, lit, h):
 @device
 def light_one(arith, switches, spot, maps, solids, draws, s, pixel, own):
     """Return what sub-plane s receives (D-E33: none behind a surface)."""
+    apart(arith)
     z = lift(arith, draws.z[s])
     point = project_point(arith, switches, spot, pixel.light, z)
     mask = point.mask & (lift(arith, draws.depth[s]) < pixel.surface)
@@ -55,6 +56,7 @@ def light_pair(arith, switches, spot, maps, solids, draws, s, t, pixel, own):
 
     Two at once, stage by stage: each is a chain of dependent steps, so that a processor is half idle with one.
     """
+    apart(arith)
     z_s, z_t = lift(arith, draws.z[s]), lift(arith, draws.z[t])
     a = project_point(arith, switches, spot, pixel.light, z_s)
     b = project_point(arith, switches, spot, pixel.light, z_t)

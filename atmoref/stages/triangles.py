@@ -27,6 +27,7 @@ from atmoref._jit import device, kernel
 from atmoref.lanes import (
     N,
     any_lane,
+    apart,
     gather,
     iota,
     lift,
@@ -346,6 +347,7 @@ def nearest_surface(arith, solids, surfaces, p, size, dx, dy, dz):
 
     A triangle's normal points to where it is seen from.
     """
+    apart(arith)
     hit = nearest_hit(arith, solids, origin(arith), dx, dy, dz)
     if surfaces.on == 0:
         return hit

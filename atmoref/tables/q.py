@@ -27,7 +27,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref._jit import device, kernel, subroutine
-from atmoref.lanes import Double, N, any_lane, atan2, exp, lift, load, maximum, minimum, select, store, tan
+from atmoref.lanes import (
+    INTERVAL,
+    Double,
+    N,
+    any_lane,
+    atan2,
+    compiled_only,
+    exp,
+    lift,
+    load,
+    maximum,
+    minimum,
+    overload,
+    pair,
+    select,
+    store,
+    tan,
+)
 from atmoref.numerics.quadrature import gauss_legendre
 from atmoref.optics.lane_phase import lane_phase
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
@@ -62,8 +79,8 @@ def _piece_end(low):
 
 
 @subroutine
-def q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
-    """Return q / (rho F scale) in 1/m^2 times m times 1/sr: eq. (9) for one extinction; u, v, dt are lanes."""
+def _q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
+    """Return `q_integral` of lanes."""
     v = maximum(v, LEAST_V_M)
     end = u + dt
     low = atan2(v, end)
@@ -84,6 +101,31 @@ def q_integral(u, v, dt, sigma_t, kind, g, cosine, nodes, weights):
         low = stop
         left = left - step
     return total / v
+
+
+@compiled_only
+def q_integral(u: Any, v: Any, dt: Any, sigma_t: Any, kind: Any, g: Any, cosine: Any, nodes: Any, weights: Any) -> Any:
+    """Return q / (rho F scale) in 1/m^2 times m times 1/sr: eq. (9) for one extinction; u, v, dt are lanes.
+
+    Of intervals nothing is told: techniques refuse q without a table there.
+    """
+
+
+@overload(q_integral)
+def _q_integral_of(
+    u: Any, v: Any, dt: Any, sigma_t: Any, kind: Any, g: Any, cosine: Any, nodes: Any, weights: Any
+) -> Any:
+    if INTERVAL in (u, v, dt):
+        return lambda u, v, dt, sigma_t, kind, g, cosine, nodes, weights: everything(u)
+    return lambda u, v, dt, sigma_t, kind, g, cosine, nodes, weights: _q_integral(
+        u, v, dt, sigma_t, kind, g, cosine, nodes, weights
+    )
+
+
+@device
+def everything(x):
+    """Return the interval of all reals."""
+    return pair(x.lo * 0.0 - float("inf"), x.hi * 0.0 + float("inf"))
 
 
 @kernel

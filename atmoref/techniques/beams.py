@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.buffers.formats import Format, decode, encode
-from atmoref.buffers.sampler import texture
 from atmoref.elementary import exp
 from atmoref.lanes import N
 from atmoref.numerics.quadrature import gauss_legendre
 from atmoref.numerics.vectors import cross, dot, minus
 from atmoref.optics.phase_functions import PHASE_FUNCTIONS
 from atmoref.pipeline import Bank, Pass
-from atmoref.scene import Scene
+from atmoref.scene import Scene, SceneError
 from atmoref.stages.beam_planes import COUNTERS, PROBE, BeamUniforms, beam_planes
 from atmoref.stages.main_plane import DT_COSINE, DT_EXACT, DT_PAPER, Grid, Mesh, QMaps, Slab, SlabSwitches
 from atmoref.stages.sub_plane import Draws
@@ -47,7 +46,7 @@ BUFFERS: dict[str, dict[str, str]] = {
     "analysis": dict.fromkeys(("frame", "f_h", "q", "light_map", "vertex_colour", "depth", "shadow_map"), "float64"),
 }
 DT_MODES = {"paper": DT_PAPER, "cosine": DT_COSINE, "exact": DT_EXACT}
-NODES = {"float32": 16, "float64": 32}
+NODES = {"float32": 16, "float64": 32, "interval": 16}
 
 
 def window_codes(scene: Scene, depths_m: NDArray[np.float64], fmt: Format) -> NDArray[np.float64]:
@@ -171,7 +170,7 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     """
     setting, params = stage.setting, stage.params
     assert isinstance(params, BeamsParameters)
-    blank = texture(np.zeros((1, 1)), setting.formats["q"], setting.device, setting.dtype)
+    blank = setting.blank(0.0, setting.formats["q"])
     if params.q == "exact" or not len(plan.main_z):
         return QMaps(blank, blank), 1.0, 0.0
     channels = range(1 if spot.switches.grey_fog else 3)
@@ -218,9 +217,14 @@ def slab_pass(stage: Stage, spot: Spotlight, plan: BeamPlan, counters: NDArray[n
     setting, scene, params = stage.setting, stage.scene, stage.params
     assert isinstance(params, BeamsParameters)
     table, rest = (0.0,) * 6, 0.0
-    blank = texture(np.zeros((1, 1)), setting.formats["q"], setting.device, setting.dtype)
+    blank = setting.blank(0.0, setting.formats["q"])
     q = QMaps(blank, blank)
     if isinstance(spot.frame, PointFrame):
+        if setting.intervals and params.q == "exact":
+            raise SceneError(
+                f'{scene.origin}: technique.q: found "exact" with buffers.arithmetic = "interval"; allowed: "table" '
+                f"(a GPU reads q; its integral is the method's own analysis, in float64)"
+            )
         domain = q_domain(spot.frame, plan.base_m, plan.dt_m, params)
         q, span, rest = q_textures(stage, spot, plan, domain)
         table = (*domain.scale_offset(), span, rest)

@@ -13,7 +13,9 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from atmoref.buffers.bounds import Bounds
 from atmoref.buffers.layout import Buffer
 from atmoref.lanes import N
 from atmoref.pipeline import Bank, Pass
@@ -75,20 +77,36 @@ def renamed(p: Pass, key: str) -> Pass:
     )
 
 
-def compose(setting: Setting, frame: Buffer, images: list[Buffer], columns: int) -> None:
-    """Store the mean of full images, or n x n small ones put side by side (row 0 of `data` is the bottom row)."""
+def composed(setting: Setting, images: list[Buffer], columns: int) -> NDArray[Any]:
+    """Return the mean of full images, or n x n small ones put side by side (row 0 of `data` is the bottom row)."""
     values = [image.values() for image in images]
     if columns == 1:
         mean = values[0].astype(setting.dtype)
         for other in values[1:]:
             mean = mean + other.astype(setting.dtype)
-        frame.put(mean * setting.dtype(1.0 / len(values)), setting.device, setting.rounding_of(frame.format))
-        return
-    whole = np.zeros((frame.height, frame.width, 3))
+        return np.asarray(mean * setting.dtype(1.0 / len(values)))
+    height, width = values[0].shape[:2]
+    whole = np.zeros((height * columns, width * columns, 3))
     for index, small in enumerate(values):
         i, j = index % columns, index // columns
         whole[columns - 1 - j :: columns, i::columns] = small  # j counts from the bottom, rows of values from the top
-    frame.put(whole, setting.device, setting.rounding_of(frame.format))
+    return whole
+
+
+def compose(setting: Setting, frame: Buffer, images: list[Buffer], columns: int) -> None:
+    """Store `composed` images; of intervals both ends, each a sum of its own kind."""
+    rounding = setting.rounding_of(frame.format)
+    if not isinstance(frame, Bounds):
+        frame.put(composed(setting, images, columns), setting.device, rounding)
+        return
+    pairs = [image for image in images if isinstance(image, Bounds)]
+    ends = (composed(setting, [p.low for p in pairs], columns), composed(setting, [p.high for p in pairs], columns))
+    frame.put(np.stack(ends), setting.device, rounding)
+    if setting.envelope and frame.format.kind == "unorm":  # either code next to the mean
+        top = frame.format.top
+        codes = (np.floor(np.clip(ends[0], 0.0, 1.0) * top), np.ceil(np.clip(ends[1], 0.0, 1.0) * top))
+        least = np.minimum(frame.low.codes(), codes[0].astype(np.int64))
+        frame.put(np.stack((least, np.maximum(frame.high.codes(), codes[1].astype(np.int64)))))
 
 
 def build(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from atmoref.buffers.blend import Mixed
-from atmoref.buffers.sampler import texture
 from atmoref.numerics.vectors import Vec3
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene, SceneError
@@ -163,7 +162,7 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
 
     def upload(d0: int, d1: int, row0: int, row1: int) -> None:
         bank = stage.bank
-        blank = texture(np.ones((1, 1)), setting.formats["depth"], setting.device, setting.dtype, filter="exact")
+        blank = setting.blank(1.0, setting.formats["depth"])
         shadow = setting.texture(bank[shadow_key], params.shadow_filter) if shadow_key in bank else blank
         light = setting.texture(bank[light_key]) if light_key in bank else blank
         spot.maps = Maps(shadow, light)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 import atmoref
+from atmoref.buffers.bounds import Bounds
 from atmoref.pipeline import Bank, Pass, Progress, Timing, Watch, run
 from atmoref.scene import Result, Scene, SceneError, parse_model
 from atmoref.scene.errors import nearest
@@ -118,7 +119,7 @@ def prepare(
 def _check_memory(setting: Setting, limit: int) -> None:
     """Refuse an image whose buffers and hand-outs would not fit, before anything is allocated."""
     image = setting.scene.image
-    element = 8 if setting.arithmetic == "float64" else 4
+    element = 4 if setting.arithmetic == "float32" else 8
     needed = image.width * image.height * (7 * element + 3 * 8) + RESERVED_BYTES
     if needed > limit:
         raise OutOfMemory(
@@ -160,7 +161,8 @@ def render(
     Returns
     -------
     Result
-        `image` (H, W, 3) float64, row 0 at the top: the frame's values.  `buffers`: every Buffer by name.
+        `image` (H, W, 3) float64, row 0 at the top: the frame's values.  `buffers`: every Buffer by name.  With
+        arithmetic = interval also `bounds`, and `image` is their middle.
 
     Raises
     ------
@@ -175,13 +177,22 @@ def render(
     name, setting, passes, bank, report = prepare(scene, technique, crop, max_memory)
     planned = time.perf_counter() - wall
     timing = run(passes, bank, threads=threads, watch=watch, inject=inject, progress=progress)
-    image = bank["frame"].values()
-    if crop is not None:
-        x, y, w, h = crop
-        image = np.ascontiguousarray(image[y : y + h, x : x + w])
+    frame = bank["frame"]
+    image = _cropped(frame.values(), crop)
+    bounds = None
+    if isinstance(frame, Bounds):
+        bounds = _cropped(frame.low.values(), crop), _cropped(frame.high.values(), crop)
     stats = _statistics(timing, passes, report, planned)
     stats["wall_s"], stats["cpu_s"] = time.perf_counter() - wall, time.process_time() - cpu
-    return Result(image, None, dict(bank), stats, provenance(scene, name, setting))
+    return Result(image, None, dict(bank), stats, provenance(scene, name, setting), bounds)
+
+
+def _cropped(image: NDArray[np.float64], crop: Crop | None) -> NDArray[np.float64]:
+    """Return the pixels that were drawn."""
+    if crop is None:
+        return image
+    x, y, w, h = crop
+    return np.ascontiguousarray(image[y : y + h, x : x + w])
 
 
 def _statistics(timing: Timing, passes: list[Pass], report: dict[str, Any], planned: float) -> dict[str, Any]:
@@ -206,6 +217,7 @@ def provenance(scene: Scene, technique: str, setting: Setting) -> dict[str, Any]
         "technique": technique, "preset": scene.technique.preset,
         "formats": {n: f.name for n, f in setting.formats.items()}, "arithmetic": setting.arithmetic,
         "device": setting.device.name, "rounding": setting.rounding or "",
+        **({"interval": "envelope" if setting.envelope else "device"} if setting.intervals else {}),
         "units": "W m-2 sr-1", "origin": "row 0 is the top row",
     }  # fmt: skip
 

@@ -10,17 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.buffers.blend import Mixed
+from atmoref.buffers.bounds import Bounds, allocate_bounds
 from atmoref.buffers.device import DEVICES, Device, Rounding, Rule, rule
 from atmoref.buffers.formats import FORMATS, Format
+from atmoref.buffers.interval_blend import RuleBounds, rule_bounds
+from atmoref.buffers.interval_sampler import TextureBounds, texture_bounds
 from atmoref.buffers.layout import Buffer, CodeClass, allocate, code_class, needed_bytes
 from atmoref.buffers.sampler import Texture, texture
-from atmoref.lanes import Double, N, Single
+from atmoref.lanes import Double, Interval, N, Single
 from atmoref.pipeline import Bank
 from atmoref.scene import Scene, SceneError
 from atmoref.scene.errors import nearest
 
 Crop = tuple[int, int, int, int]
-Arithmetic = Literal["float32", "float64"]
+Arithmetic = Literal["float32", "float64", "interval"]
+Rules = tuple[Rule, Rule, Rule] | tuple[RuleBounds, RuleBounds, RuleBounds]
+Readable = Texture | TextureBounds
 
 
 class OutOfMemory(MemoryError):
@@ -39,10 +44,30 @@ class Setting:
     form: CodeClass
     crop: Crop | None
     max_bytes: int | None
+    envelope: bool = False  # of intervals: any rounding that the specifications permit
 
     @property
-    def arith(self) -> Single | Double:
+    def intervals(self) -> bool:
+        """Whether values are intervals."""
+        return self.arithmetic == "interval"
+
+    @property
+    def arith(self) -> Single | Double | Interval:
         """The tag of the lanes."""
+        if self.intervals:
+            budget = self.device.budget
+            weight = budget.weight_permitted if self.envelope else budget.weight
+            return Interval(budget.coordinate, budget.attribute, weight)
+        return self.point_arith
+
+    @property
+    def point_arithmetic(self) -> Literal["float32", "float64"]:
+        """The arithmetic of what is a point for intervals too: arrays of the host, and triangles as they are drawn."""
+        return "float64" if self.arithmetic == "float64" else "float32"
+
+    @property
+    def point_arith(self) -> Single | Double:
+        """Its tag."""
         return Double() if self.arithmetic == "float64" else Single()
 
     @property
@@ -50,9 +75,13 @@ class Setting:
         """The element type of the lanes."""
         return np.float64 if self.arithmetic == "float64" else np.float32
 
-    def rules(self, name: str) -> tuple[Rule, Rule, Rule]:
+    def rules(self, name: str) -> Rules:
         """Return the rules of a buffer's three channels."""
         fmt = self.formats[name]
+        if self.intervals:
+            override, envelope = self.rounding_of(fmt), self.envelope
+            d, e, f = (rule_bounds(fmt, self.device, override, channel, envelope=envelope) for channel in range(3))
+            return d, e, f
         a, b, c = (rule(fmt, self.device, self.rounding_of(fmt), channel) for channel in range(3))
         return a, b, c
 
@@ -71,9 +100,15 @@ class Setting:
     def _allocate(
         self, bank: Bank, name: str, key: str, width: int, height: int, channels: int, form: CodeClass
     ) -> Buffer:
-        needed = needed_bytes(width, height, channels, form, self.arithmetic)
+        real = self.point_arithmetic
+        ends = 2 if self.intervals else 1
+        needed = ends * needed_bytes(width, height, channels, form, real)
         self.require(bank, needed, f"buffer {key} ({width} x {height})")
-        bank[key] = allocate(key, self.formats[name], width, height, channels, form, self.arithmetic)
+        fmt = self.formats[name]
+        if self.intervals:
+            bank[key] = allocate_bounds(key, fmt, width, height, channels)
+        else:
+            bank[key] = allocate(key, fmt, width, height, channels, form, real)
         return bank[key]
 
     def image(self, bank: Bank, name: str, key: str, values: NDArray[np.float64]) -> Buffer:
@@ -91,16 +126,30 @@ class Setting:
         ------
         OutOfMemory
         """
-        held = sum(b.data.nbytes for b in bank.values())
+        held = sum(b.nbytes for b in bank.values())
         if self.max_bytes is not None and held + needed > self.max_bytes:
             raise OutOfMemory(
                 f"{self.scene.origin}: {what} would need {(held + needed) / 1e6:.1f} MB with the buffers so far; "
                 f"allowed: {self.max_bytes / 1e6:.1f} MB (--max-memory)"
             )
 
-    def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Texture:
+    def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Readable:
         """Return a buffer as a texture."""
-        return texture(buffer.codes()[::-1], buffer.format, self.device, self.dtype, compare=compare)
+        if isinstance(buffer, Bounds):
+            low, high = self._texture(buffer.low.codes(), buffer.format, compare), buffer.high.codes()
+            return self._bounds(low, self._texture(high, buffer.format, compare), buffer.format)
+        return self._texture(buffer.codes(), buffer.format, compare)
+
+    def blank(self, value: float, fmt: Format) -> Readable:
+        """Return a texture of one texel, for a read that a scene does not make."""
+        one = texture(np.full((1, 1), value), fmt, self.device, self.dtype, filter="exact")
+        return self._bounds(one, one, fmt) if self.intervals else one
+
+    def _texture(self, codes: NDArray[Any], fmt: Format, compare: Literal["nearest", "pcf"]) -> Texture:
+        return texture(codes[::-1], fmt, self.device, self.dtype, compare=compare)
+
+    def _bounds(self, low: Texture, high: Texture, fmt: Format) -> TextureBounds:
+        return texture_bounds(low, high, eight_bits=fmt.name == "unorm8", envelope=self.envelope)
 
     def window(self) -> tuple[int, int, int, int]:
         """Return columns and rows to draw, row 0 at the bottom; the first column is a multiple of the lane width."""
@@ -172,8 +221,9 @@ def make_setting(
             f"itself; allowed: no rounding, or device ideal, geforce3 or geforce_fx"
         )
     blended = [formats[n] for n in ("frame", "f_h") if n in formats]
+    form = Mixed() if chosen == "interval" else code_class(blended, chosen)
     return Setting(
-        scene, formats, chosen, device, asked.rounding, code_class(blended, chosen), crop, max_bytes
+        scene, formats, chosen, device, asked.rounding, form, crop, max_bytes, asked.interval == "envelope"
     )  # fmt: skip
 
 

@@ -200,16 +200,16 @@ def triangle_pass(
     width, height = size
     grid, place = view
     element = np.dtype(setting.dtype).itemsize
-    needed = needed_bytes(width, height, 2, Mixed(), setting.arithmetic)
+    needed = needed_bytes(width, height, 2, Mixed(), setting.point_arithmetic)
     needed += triangles.count * (RECORD * element + 5 * 4 + 3 * element + 4)
     setting.require(bank, needed, f"buffer {key} ({width} x {height}, {triangles.count} triangles)")
-    buffer = allocate(key, FORMATS[setting.arithmetic], width, height, 2, Mixed(), setting.arithmetic)
+    buffer = allocate(key, FORMATS[setting.point_arithmetic], width, height, 2, Mixed(), setting.point_arithmetic)
     bank[key] = buffer
     made = records(triangles, grid, place, width, height, setting.dtype)
 
     def draw(d0: int, d1: int, row0: int, row1: int) -> None:
         part = Window(0, width, row0, row1, height, buffer.pitch, d0, d1, 0) if window is None else window(row0, row1)
-        rasterise(buffer.data, setting.arith, grid, made, part)
+        rasterise(buffer.data, setting.point_arith, grid, made, part)
 
     surfaces = Surfaces(1, buffer.data, triangles.objects, triangles.normals)
     return surfaces, Pass(name, (name,), height, draw, (key,), rows)
