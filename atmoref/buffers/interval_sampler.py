@@ -335,6 +335,16 @@ def _bilinear_pair(arith: Any, tex: Any, channel: Any, a: Any, b: Any) -> Any:
     )
 
 
+@overload(sampler.bilinear3_pair)
+def _bilinear3_pair(arith: Any, tex: Any, a: Any, b: Any) -> Any:
+    if not is_tag(arith, Interval):
+        return None
+    return lambda arith, tex, a, b: (
+        sampler.bilinear3(arith, tex, a[0], a[1]),
+        sampler.bilinear3(arith, tex, b[0], b[1]),
+    )
+
+
 @overload(sampler.shadow_pair)
 def _shadow_pair(arith: Any, tex: Any, a: Any, b: Any, reference_a: Any, reference_b: Any) -> Any:
     if not _is_interval(arith):

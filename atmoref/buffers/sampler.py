@@ -337,10 +337,8 @@ def bilinear_pair(arith, tex, channel, a, b):
     if tex.quads and tex.mode != BYTES:
         index_a, x_a, y_a = footprint(tex, a[0], a[1])
         index_b, x_b, y_b = footprint(tex, b[0], b[1])
-        word_a, word_b = (
-            gather(tex.packed, index_a + channel * tex.plane),
-            gather(tex.packed, index_b + channel * tex.plane),
-        )
+        plane = channel * tex.plane
+        word_a, word_b = gather(tex.packed, index_a + plane), gather(tex.packed, index_b + plane)
         codes_a, codes_b = codes_of_word(arith, tex, word_a), codes_of_word(arith, tex, word_b)
         if tex.mode == FUSED:
             return fused_quad(x_a, y_a, *codes_a), fused_quad(x_b, y_b, *codes_b)
@@ -372,6 +370,29 @@ def bilinear3(arith, tex, u, v):
         quad(arith, tex, index + tex.plane, wx, wy),
         quad(arith, tex, index + 2 * tex.plane, wx, wy),
     )
+
+
+@device
+def three_quads(arith, tex, wx, wy, words):
+    """Return the bilinear filter of three channels from the words of their footprints."""
+    return (
+        lerp_quad(tex, wx, wy, *codes_of_word(arith, tex, words[0])),
+        lerp_quad(tex, wx, wy, *codes_of_word(arith, tex, words[1])),
+        lerp_quad(tex, wx, wy, *codes_of_word(arith, tex, words[2])),
+    )
+
+
+@for_lanes
+def bilinear3_pair(arith, tex, a, b):
+    """Return `bilinear3` at two places (us, vs), the reads side by side."""
+    if tex.quads and tex.mode != BYTES:
+        at, x_a, y_a = footprint(tex, a[0], a[1])
+        to, x_b, y_b = footprint(tex, b[0], b[1])
+        second, third = tex.plane, 2 * tex.plane
+        words_a = (gather(tex.packed, at), gather(tex.packed, at + second), gather(tex.packed, at + third))
+        words_b = (gather(tex.packed, to), gather(tex.packed, to + second), gather(tex.packed, to + third))
+        return three_quads(arith, tex, x_a, y_a, words_a), three_quads(arith, tex, x_b, y_b, words_b)
+    return bilinear3(arith, tex, a[0], a[1]), bilinear3(arith, tex, b[0], b[1])
 
 
 @for_lanes

@@ -12,7 +12,7 @@ the two maps in the method's own analysis.
 from typing import Any, NamedTuple
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import bilinear, bilinear3, bilinear_pair, shadow_compare, shadow_pair
+from atmoref.buffers.sampler import bilinear, bilinear3, bilinear3_pair, bilinear_pair, shadow_compare, shadow_pair
 from atmoref.lanes import absolute, any_lane, apart, atan2, lift, maximum, minimum, saturate, select, sqrt, unchanged
 from atmoref.stages.ray_cast import Start, occluded, origin
 
@@ -274,11 +274,13 @@ def visibility_pair(arith, switches, spot, maps, solids, ray, z_a, z_b, own, a, 
 @device
 def distribution_pair(arith, switches, spot, maps, ray, z_a, z_b, a, b):
     """Return `distribution` at two points."""
-    if switches.exact_distribution == 0 and switches.grey_light != 0:
+    if switches.exact_distribution != 0:
+        first = distribution(arith, switches, spot, maps, ray, z_a, a)
+        return first, distribution(arith, switches, spot, maps, ray, z_b, b)
+    if switches.grey_light != 0:
         first, second = bilinear_pair(arith, maps.light, 0, (a.us, a.vs), (b.us, b.vs))
         return (first, first, first), (second, second, second)
-    first = distribution(arith, switches, spot, maps, ray, z_a, a)
-    return first, distribution(arith, switches, spot, maps, ray, z_b, b)
+    return bilinear3_pair(arith, maps.light, (a.us, a.vs), (b.us, b.vs))
 
 
 @device

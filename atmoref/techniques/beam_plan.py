@@ -184,8 +184,10 @@ def _greatest_f_l(
         return float(sunlight(scene, frame, sources, params, dt_m, ex, ey).max())
     reach = frame.reach(base_m)
     v_ref = min(params.v_ref_m if params.v_ref_m is not None else 0.2 * base_m, reach)
-    channels = set(zip(fogs(scene, 1.0), sources, strict=True))
-    return max(_greatest_q(fog, scale, dt_m, reach, v_ref) for fog, scale in channels)
+    greatest: dict[Fog, float] = {}  # q is proportional to its scale
+    for fog, scale in zip(fogs(scene, 1.0), sources, strict=True):
+        greatest[fog] = max(scale, greatest.get(fog, 0.0))
+    return max(_greatest_q(fog, scale, dt_m, reach, v_ref) for fog, scale in greatest.items())
 
 
 def sunlight(

@@ -177,7 +177,8 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     fog = fogs(stage.scene, -1.0 if params.scattering_angle == "backward" else 1.0)
     needed = params.q_table_size**2 * len(channels) * HOST_BYTES
     setting.require(stage.bank, needed, f"technique.q_table_size = {params.q_table_size}")
-    q = np.stack([q_table(domain, plan.dt_m, fog[i]) * spot.sources[i] for i in channels], -1)
+    tables = {f: q_table(domain, plan.dt_m, f) for f in fog[: len(channels)]}
+    q = np.stack([tables[fog[i]] * spot.sources[i] for i in channels], -1)
     farthest = max(stage.scene.medium.extinction_per_m) * plan.far_m
     opaque = float(exp(np.float64(min(farthest, 20.0))))
     useful = max(params.i_max, opaque * float(np.diff(plan.first).max()))
