@@ -21,6 +21,8 @@ class Beams(Table):
     sub_plane_rule: Literal["floor", "ceil"] = quantity("", "Rounding.", "floor")
     base_distance_m: float | list[float] = quantity("m", "Length.", 20.0)
     bounds: Literal["depth", "euclid"] = quantity("", "Extent.", "depth")
+    interval_m: float | None = quantity("m", "Spacing.", None, gt=0.0)
+    shadow_map_size: int = quantity("texels", "Edge.", 512, ge=1)
     planes: int | None = quantity("", "Count.", None, ge=1)
     images: int | None = quantity("", "Count.", None, ge=1)
     shadow_bias_m: float = quantity("m", "Bias.", 0.1, ge=0.0)
