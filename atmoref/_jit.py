@@ -13,6 +13,7 @@ days are removed.  Numba keys each entry further by signature and by the process
 
 import contextlib
 import hashlib
+import itertools
 import logging
 import os
 import shutil
@@ -25,7 +26,7 @@ from typing import Any, Final
 
 import filelock
 import numba
-from numba.core import caching, config
+from numba.core import bytecode, caching, config
 
 from atmoref._cache import writable_root
 
@@ -38,6 +39,9 @@ _UNCALLED: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Helpers are called by kernels alone: entries for Python would hold two more copies of all that they inline."""
 settings: Any = config  # Numba sets its names at run time
 _njit: Any = numba.njit  # its stubs do not know `_nrt`
+# Numba numbers functions from 1 in every process and names their symbols so.  Kernels that two processes compiled and a
+# third loads would then call each other's helpers, where those are no longer inlined: numbers start at random instead.
+bytecode.FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
 _log = logging.getLogger(__name__)
 _decorating = threading.RLock()
 
