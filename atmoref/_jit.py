@@ -36,7 +36,7 @@ WITHOUT_KERNELS: Final = frozenset(
 )
 """Rooms whose modules no kernel is made from (a test looks): editing them keeps every binary."""
 _UNCALLED: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Helpers are called by kernels alone: entries for Python would hold two more copies of all that they inline."""
+"""Helpers of lanes are called by kernels alone: entries for Python would hold two more copies of what they inline."""
 settings: Any = config  # Numba sets its names at run time
 _njit: Any = numba.njit  # its stubs do not know `_nrt`
 # Numba numbers functions from 1 in every process and names their symbols so.  Kernels that two processes compiled and a
@@ -142,4 +142,4 @@ def device(function: Callable[..., Any]) -> Any:
 
 def subroutine(function: Callable[..., Any]) -> Any:
     """Compile a helper that stays a call where LLVM sees no gain: long code on a path that is rarely taken."""
-    return _njit(error_model="numpy", fastmath=False, _nrt=False, **_UNCALLED)(function)
+    return _njit(error_model="numpy", fastmath=False, _nrt=False)(function)
