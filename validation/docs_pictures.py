@@ -1,7 +1,7 @@
 """Cut the pictures of the documentation out of what ``make demo`` wrote.
 
 Run as ``python validation/docs_pictures.py out/demo docs/images``. Pixels are taken as they are: the sheet's upper rows
-(grey pictures, stored with one channel), its differences, and enlarged apexes.
+(grey pictures, stored with one channel), its differences, enlarged apexes, and the pictures of Figures 9 and 10.
 """
 
 from __future__ import annotations
@@ -44,6 +44,15 @@ def apexes(demo: Path, target: Path) -> None:
     grey(np.concatenate(shown[:-1], axis=1)).save(target / "apex.png", optimize=True)
 
 
+def gallery(demo: Path, target: Path) -> None:
+    """Write the pictures of Figures 9 (a), 9 (b), 10 (a) and of the slide, each in a tile of 360 x 240."""
+    sheet = Image.new("RGB", (726, 486), (64, 64, 64))
+    for place, stem in enumerate(("fig9a", "fig9b", "fig10a_shafts", "slide")):
+        picture = Image.open(demo / f"{stem}.png").convert("RGB").resize((360, 240), Image.Resampling.BOX)
+        sheet.paste(picture, (366 * (place % 2), 246 * (place // 2)))
+    sheet.quantize(200).save(target / "figures_9_10.png", optimize=True)
+
+
 def main(arguments: list[str]) -> int:
     """Cut the pictures; return the exit code."""
     if len(arguments) != 2:
@@ -53,6 +62,7 @@ def main(arguments: list[str]) -> int:
     target.mkdir(parents=True, exist_ok=True)
     figure4(demo, target)
     apexes(demo, target)
+    gallery(demo, target)
     return 0
 
 

@@ -42,6 +42,7 @@ EXP_ULP_PER_X: Final = 2.0
 LOG_ULP: Final = 3.0
 LOG_ABSOLUTE: Final = 2.0**-21
 TRIGONOMETRIC_ABSOLUTE: Final = 2.0**-11
+TRIGONOMETRIC_ROOM: Final = TRIGONOMETRIC_ABSOLUTE * (1.0 + 2.0**-40)  # a tiny sine would be lost in the sum
 ATAN2_ULP: Final = 4096.0
 LEAST: Final = 2.0**-146  # absolute, for denormal results
 HALF_TURN: Final = 3.141592653589793
@@ -160,8 +161,8 @@ def _turning(x, function, first):
     slack = 1e-6 * lane.lane_max(lane.lane_abs(a), lane.lane_abs(b)) + 1e-6
     up = lane.lane_floor((b + slack - first) * (0.5 / HALF_TURN)) * (2.0 * HALF_TURN) + first >= a - slack
     down = lane.lane_floor((b + slack - first) * (0.5 / HALF_TURN) - 0.5) * (2.0 * HALF_TURN) + (first + HALF_TURN)
-    hi = lane.lane_select(up, 1.0, lane.lane_max(p, q)) + TRIGONOMETRIC_ABSOLUTE
-    lo = lane.lane_select(down >= a - slack, -1.0, lane.lane_min(p, q)) - TRIGONOMETRIC_ABSOLUTE
+    hi = lane.lane_select(up, 1.0, lane.lane_max(p, q)) + TRIGONOMETRIC_ROOM
+    lo = lane.lane_select(down >= a - slack, -1.0, lane.lane_min(p, q)) - TRIGONOMETRIC_ROOM
     ends = outward(lane.lane_max(lo, -1.0), lane.lane_min(hi, 1.0))
     far = lane.lane_max(lane.lane_abs(x.lo), lane.lane_abs(x.hi)) > 1e6  # lanes give NaN there
     return pair(lane.lane_select(far, -1.0, ends.lo), lane.lane_select(far, 1.0, ends.hi))

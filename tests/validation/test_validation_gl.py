@@ -139,6 +139,17 @@ def test_what_has_no_shader_is_refused() -> None:
         load("quick", (*SMALL, "technique.visibility=exact"))
     with pytest.raises(Unsupported, match="frame"):
         load("quick", (*SMALL, "buffers.format=unorm12"))
+    with pytest.raises(Unsupported, match="not the sun"):
+        load("fig9b", SMALL)
+
+
+@needs_device
+@known_device
+@pytest.mark.parametrize("fmt", ["unorm8", "float32"])
+def test_a_projector_is_drawn_in_every_bit(fmt: str) -> None:
+    size = ("image.width=60", "image.height=40", "technique.interval_m=2.0")
+    found, _ = every_stage("slide", *size, f"buffers.format={fmt}", "technique.coordinates=pixel")
+    assert min(f.fraction for f in found) >= ENOUGH, [f for f in found if f.equal != f.pixels]
 
 
 def test_shaders_include_what_they_name() -> None:
