@@ -12,7 +12,7 @@ from reference.timing import measure
 from atmoref.scene import load_scene
 
 ROWS = [
-    ("fig4c", "beam_planes", "23 planes, 174 sub-planes, corrected", []),
+    ("fig4c", "beam_planes", "23 planes, 174 sub-planes, corrected", ["technique.preset=corrected"]),
     ("fig4c", "beam_planes", "23 planes, 174 sub-planes, paper", ["technique.preset=paper"]),
     ("fig4c", "beam_planes", "the same, 8-bit filter (geforce_fx)", ["buffers.device=geforce_fx"]),
     ("fig4a", "vertex_planes", "40 planes, previous method", []),
