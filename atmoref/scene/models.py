@@ -144,10 +144,10 @@ class Buffers(Table):
     arithmetic: Literal["float32", "float64", "interval"] | None = quantity(
         "", "Precision of the shading; intervals enclose what correct builds may store.", None
     )
-    interval: Literal["device", "envelope"] = quantity(
+    interval: Literal["device", "envelope"] | None = quantity(
         "",
-        "With arithmetic = interval: builds on this device, or on any that the specifications permit.",
-        "device",
+        "With arithmetic = interval: builds on this device (if left out), or on any that the specifications permit.",
+        None,
     )
     device: DeviceName = quantity("", "Whose rules for storing, filtering and comparing.", "ideal")
     rounding: RoundingName | None = quantity("", "How unorm stores round, where the device leaves it open.", None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import buffer_kernels as lanes
-import interval_kernels as kernels
+import buffer_operations as kernels
 import numpy as np
 import pytest
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-import interval_kernels as kernels
+import lane_operations as kernels
 import mpmath
 import numpy as np
 import pytest
