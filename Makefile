@@ -1,7 +1,7 @@
 # One way to run everything. `make help` lists the targets.
 #
 # Needs Python >= 3.11 and make. Everything else is installed into .venv; optional system parts (a software OpenGL
-# device) come with `make system-deps` and are never needed by `make demo` or `make test`.
+# device, a browser) come with `make system-deps` and are never needed by `make demo` or `make test`.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -56,9 +56,9 @@ lint: $(DEVELOP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# pytest comes last, so that its own summary is the last thing to read.
+# pytest comes last, so that its own summary is the last thing to read. A test that hangs says where, and fails.
 test: lint
-	$(BIN)/python -m pytest -W error -m 'not slow' -n $(JOBS) --dist loadfile -q
+	$(BIN)/python -m pytest -W error -m 'not slow' -n $(JOBS) --dist loadfile --timeout=900 -q
 
 docs: $(DEVELOP)
 	$(BIN)/python validation/check_links.py README.md CHANGELOG.md luts $(wildcard docs)
@@ -71,11 +71,13 @@ bench: $(DEVELOP)
 	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
 	@if [ -f validation/bench.py ]; then $(BIN)/python validation/bench.py; fi
 
-# Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless.
+# Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless; a browser in which the
+# reports are opened; an independent reader of KTX2 files under Node.
 system-deps:
-	@sudo=; if [ "$$(id -u)" != 0 ]; then sudo=sudo; fi; \
+	@sudo=; if [ "$$(id -u)" != 0 ]; then sudo=sudo; fi; node=; command -v npm >/dev/null || node='nodejs npm'; \
 	$$sudo apt-get update && $$sudo apt-get install --yes --no-install-recommends \
-		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2
+		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2 chromium $$node && \
+	npm install --silent --no-fund --no-audit --no-save --prefix .node ktx-parse@1
 
 clean:
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf $(VENV) .node out build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks

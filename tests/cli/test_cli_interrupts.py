@@ -25,9 +25,16 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+def listens() -> None:
+    """Hear Ctrl-C again: what a shell starts in the background ignores it, and so would its children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def stopped(line: list[str], cwd: Path, number: int, wait_for: str | None, delay_s: float = 0.0) -> tuple[int, str]:
     """Return exit code and stderr of a process that got a signal once a path exists, or after a delay."""
-    with subprocess.Popen(line, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+    with subprocess.Popen(
+        line, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=listens
+    ) as child:
         until = time.monotonic() + 60.0
         while wait_for is not None and not list(cwd.glob(wait_for)) and time.monotonic() < until:
             assert child.poll() is None, "it ended too early"

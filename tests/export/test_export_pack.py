@@ -20,6 +20,7 @@ from atmoref.export.ktx2 import ktx2_bytes
 from atmoref.scene import load_scene
 from atmoref.techniques.render import render
 
+ROOT = Path(__file__).resolve().parents[2]
 SMALL = (
     "image.width=24", "image.height=36", "technique.interval_m=5.0", "technique.shadow_map_size=64",
     "technique.light_map_size=32", "technique.q_table_size=16",
@@ -116,13 +117,13 @@ console.log(JSON.stringify({ format: file.vkFormat, width: file.pixelWidth, heig
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="optional: no Node")
 def test_ktx_parse_reads_the_textures(pack: Path, tmp_path: Path) -> None:
-    modules = os.environ.get("NODE_PATH", "")
+    modules = os.environ.get("NODE_PATH", str(ROOT / ".node" / "node_modules"))
     (tmp_path / "main.cjs").write_text(NODE_PROGRAM)
     path = pack / "inputs" / "light_0_q.ktx2"
     done = subprocess.run(["node", "main.cjs", str(path)], cwd=tmp_path, capture_output=True, text=True,
                           env={**os.environ, "NODE_PATH": modules}, check=False, timeout=60)  # fmt: skip
     if "Cannot find module 'ktx-parse'" in done.stderr:
-        pytest.skip("optional: no ktx-parse (npm install -g ktx-parse, NODE_PATH)")
+        pytest.skip("optional: no ktx-parse (make system-deps, or NODE_PATH)")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     q = raw(pack, "light_0/q").ravel().astype(np.int64)
