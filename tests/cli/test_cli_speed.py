@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import time
 from pathlib import Path
 
@@ -11,23 +10,17 @@ import pytest
 from cli_runs import process
 
 
-def seconds(*arguments: object, cwd: Path) -> tuple[float, float]:
-    """Return wall clock and CPU seconds of a process; the second is what the first would be on an idle machine."""
-    used, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = process(*arguments, cwd=cwd)
-    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert done.code == 0, done.err
-    return wall, after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
-
-
+@pytest.mark.slow
 def test_warm_quick_takes_less_than_two_seconds(tmp_path: Path) -> None:
-    seconds("render", "quick", cwd=tmp_path)  # compiles and builds tables, should they be missing
+    """On the wall clock, the best of several runs."""
+    process("render", "quick", "-o", "x.exr", cwd=tmp_path)  # compiles and builds tables, should they be missing
     runs = []
     for _ in range(5):
-        runs.append(seconds("render", "quick", cwd=tmp_path))
-        if min(min(run) for run in runs) < 2.0:
-            break
-    assert min(min(run) for run in runs) < 2.0, runs
+        start = time.perf_counter()
+        done = process("render", "quick", "-o", "x.exr", cwd=tmp_path)
+        runs.append(time.perf_counter() - start)
+        assert done.code == 0, done.err
+    assert min(runs) < 2.0, runs
 
 
 def test_figure_4c_takes_less_than_500_mb(tmp_path: Path) -> None:

