@@ -14,6 +14,7 @@ from atmoref.lanes import absolute, any_lane, apart, lift, maximum, minimum, sel
 NOTHING = -1
 OCCLUDER = 13  # three edge functions, plane function, slack
 SELF = 1e-3  # over this last part of the way to a point of its own, a mesh does not shade it
+OWN = 64.0  # times the slack of a depth: in the sun, a mesh does not shade points of its own that are nearer behind it
 FAR = 1e30  # metres: farther than any scene, finite in float32
 
 
@@ -30,7 +31,7 @@ class Solids(NamedTuple):
     grounds: NDArray[np.float64]  # (n,): height - origin height
     ground_ids: NDArray[np.int32]
     albedo: NDArray[np.float64]  # (objects, 3)
-    nodes: NDArray[np.float64]  # (nodes, 6): boxes around triangles, lower and upper corner - origin
+    nodes: NDArray[np.float64]  # (nodes, 6): boxes around triangles, lower and upper corner - origin, or in its axes
     links: NDArray[np.int32]  # (nodes, 3): next node when missed, first triangle, how many (0: children follow)
     triangles: NDArray[np.float64]  # (n, OCCLUDER), see `stages.triangles.set_up_occluders`
     triangle_ids: NDArray[np.int32]
@@ -167,12 +168,57 @@ def occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked):
     return blocked
 
 
+@device
+def parallel_occluded_by_triangles(arith, solids, x, y, w, least_w, own, blocked):
+    """Return `blocked`, and where a triangle lies between the depths `least_w` and w of parallel light at (x, y).
+
+    Nodes and triangles are in the light's own axes, see `stages.triangles.set_up_parallel_occluders`.
+    """
+    apart(arith)
+    one = x * 0.0 + 1.0
+    reach = maximum(maximum(absolute(x), absolute(y)), one)
+    node = 0
+    while node < solids.nodes.shape[0]:
+        box = solids.nodes[node]
+        near = (x >= lift(arith, box[0])) & (x <= lift(arith, box[3])) & (y >= lift(arith, box[1])) & ~blocked
+        near = near & (y <= lift(arith, box[4])) & (w > lift(arith, box[2])) & (lift(arith, box[5]) > least_w)
+        if not any_lane(near):
+            node = solids.links[node, 0]
+            continue
+        for i in range(solids.links[node, 1], solids.links[node, 1] + solids.links[node, 2]):
+            record = solids.triangles[i]
+            slack = reach * lift(arith, record[12])
+            inside = (_linear(arith, record, 0, x, y, one) + slack >= 0.0) & near
+            inside = inside & (_linear(arith, record, 3, x, y, one) + slack >= 0.0)
+            inside = inside & (_linear(arith, record, 6, x, y, one) + slack >= 0.0)
+            depth = _linear(arith, record, 9, x, y, one)
+            size = absolute(lift(arith, record[9])) + absolute(lift(arith, record[10])) + absolute(depth)
+            room = (size + absolute(w)) * lift(arith, record[12]) * OWN
+            room = select(own == spread_int(solids.triangle_ids[i]), room, 0.0)
+            blocked = blocked | (inside & (depth > least_w) & (depth + room < w))
+        node += 1
+    return blocked
+
+
 @subroutine
 def occluded(arith, solids, start, dx, dy, dz, own):
     """Return the mask: does any object other than `own` cut the segment from start to start + d?  Exact visibility.
 
     Triangles may belong to `own`, and want the origin as the start.
     """
+    return occluded_by_triangles(arith, solids, dx, dy, dz, own, _occluded(arith, solids, start, dx, dy, dz, own))
+
+
+@subroutine
+def parallel_occluded(arith, solids, start, dx, dy, dz, x, y, w, least_w, own):
+    """Return `occluded` in parallel light: triangles are asked in its axes, where the start is (x, y, w)."""
+    blocked = _occluded(arith, solids, start, dx, dy, dz, own)
+    return parallel_occluded_by_triangles(arith, solids, x, y, w, least_w, own, blocked)
+
+
+@device
+def _occluded(arith, solids, start, dx, dy, dz, own):
+    """Return `occluded` without triangles."""
     apart(arith)
     blocked = own < spread_int(int32(-2))
     for i in range(solids.spheres.shape[0]):
@@ -184,7 +230,7 @@ def occluded(arith, solids, start, dx, dy, dz, own):
     for i in range(solids.grounds.shape[0]):
         t = ground_root(arith, solids.grounds[i], start, dy)
         blocked = blocked | ((t > 0.0) & (t < 1.0) & (own != spread_int(solids.ground_ids[i])))
-    return occluded_by_triangles(arith, solids, dx, dy, dz, own, blocked)
+    return blocked
 
 
 @device

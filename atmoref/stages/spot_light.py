@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from atmoref._jit import device
 from atmoref.buffers.sampler import bilinear, bilinear3, bilinear3_pair, bilinear_pair, shadow_compare, shadow_pair
 from atmoref.lanes import absolute, any_lane, apart, atan2, lift, maximum, minimum, saturate, select, sqrt, unchanged
-from atmoref.stages.ray_cast import Start, occluded, origin
+from atmoref.stages.ray_cast import Start, occluded, origin, parallel_occluded
 
 BEYOND = 1e9  # metres: farther than anything that could cast a shadow
 SLACK = 1e-5  # some 80 roundings in float32
@@ -220,11 +220,13 @@ def visibility(arith, switches, spot, maps, solids, ray, z, own, point):
         dx, dy, dz = ray.dx * z + spot.from_x, ray.dy * z + spot.from_y, ray.dz * z + spot.from_z
         if switches.parallel != 0:
             start = Start(dx, dy, dz)
-            back = point.w * -1.0
+            back = point.w
             if switches.unbounded != 0:
-                back = point.w * 0.0 - BEYOND
+                back = point.w * 0.0 + BEYOND
+            to_x, to_y, to_z = back * (spot.axis_x * -1.0), back * (spot.axis_y * -1.0), back * (spot.axis_z * -1.0)
+            x, y = point.u * 2.0 - 1.0, point.v * 2.0 - 1.0
             return _unless(
-                occluded(arith, solids, start, back * spot.axis_x, back * spot.axis_y, back * spot.axis_z, own), back
+                parallel_occluded(arith, solids, start, to_x, to_y, to_z, x, y, point.w, point.w - back, own), back
             )
         return _unless(occluded(arith, solids, origin(arith), dx, dy, dz, own), dx)
     visible = shadow_compare(arith, maps.shadow, point.us, point.vs, depth_reference(switches, spot, point))

@@ -257,6 +257,29 @@ def set_up_occluders(records, vertices, faces, order, origin, slack):
 
 
 @kernel
+def set_up_parallel_occluders(records, corners, faces, order, slack):
+    """Write triangles, in a given order, as parallel light sees them: (triangles, OCCLUDER) float64.
+
+    `corners` (V, 3) are in the light's axes (x, y, depth).  Three edge functions of (x, y, 1), scaled to at most 1
+    where |x| and |y| are, and positive inside; the depth, of (x, y, 1); SLACK roundings of the arithmetic.  A triangle
+    that is seen edge-on shades nothing.
+    """
+    for at in range(order.shape[0]):
+        i, j, k = faces[order[at], 0], faces[order[at], 1], faces[order[at], 2]
+        a = corners[i, 0], corners[i, 1], 1.0, corners[i, 2]
+        b = corners[j, 0], corners[j, 1], 1.0, corners[j, 2]
+        c = corners[k, 0], corners[k, 1], 1.0, corners[k, 2]
+        vx, vy, vz, sign = _plane(a, b, c, True)
+        if not (abs(vx) < EDGE_ON and abs(vy) < EDGE_ON and abs(vz) < EDGE_ON and sign != 0.0):
+            vx, vy, vz = 0.0, 0.0, EDGE_ON
+        sign = 1.0 if sign > 0.0 else -1.0
+        _put_edge(records, at, 0, _edge(a, b, i < j), sign, 1.0, 1.0, 0.0)
+        _put_edge(records, at, 3, _edge(b, c, j < k), sign, 1.0, 1.0, 0.0)
+        _put_edge(records, at, 6, _edge(c, a, k < i), sign, 1.0, 1.0, 0.0)
+        records[at, 9], records[at, 10], records[at, 11], records[at, 12] = vx, vy, vz, slack
+
+
+@kernel
 def face_normals(normals, vertices, faces):
     """Write the unit normals of triangles, (3 F,), towards the side from which the corners run counter-clockwise.
 

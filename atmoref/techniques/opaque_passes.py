@@ -10,13 +10,13 @@ import numpy as np
 from atmoref.buffers.blend import Mixed
 from atmoref.numerics.vectors import Vec3
 from atmoref.pipeline import Bank, Pass
-from atmoref.scene import Scene, SceneError
+from atmoref.scene import Scene
 from atmoref.stages.beam_planes import Window
 from atmoref.stages.opaque import OpaqueUniforms, opaque_base, opaque_light
 from atmoref.stages.ray_cast import Solids
 from atmoref.stages.shadow_map import shadow_map
 from atmoref.stages.spot_light import Maps, Spot, Switches
-from atmoref.techniques.light_frames import LightFrame, light_frame
+from atmoref.techniques.light_frames import LightFrame, ParallelFrame, light_frame
 from atmoref.techniques.setting import Setting
 from atmoref.techniques.spotlights import (
     all_equal,
@@ -29,11 +29,13 @@ from atmoref.techniques.spotlights import (
 from atmoref.techniques.triangle_passes import (
     OCCLUDER_BYTES,
     TriangleSet,
+    axes,
     camera_view,
     no_surfaces,
     shadow_view,
     triangle_pass,
     with_occluders,
+    with_parallel_occluders,
 )
 
 if TYPE_CHECKING:
@@ -112,14 +114,13 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     target = "f_h" if "f_h" in stage.setting.formats else "frame"
     objects = solids(scene, frame.position)
     if params.visibility == "exact" and stage.triangles().count:
-        if frame.parallel:
-            raise SceneError(
-                f'{scene.origin}: technique.visibility: found "exact", with triangles in the light of the sun '
-                f'(lights[{index}]); allowed: "shadow_map"'
-            )
         needed = stage.triangles().count * OCCLUDER_BYTES
         stage.setting.require(stage.bank, needed, f"exact visibility of {stage.triangles().count} triangles")
-        objects = with_occluders(objects, stage.triangles(), frame.position, stage.setting.dtype)
+        if isinstance(frame, ParallelFrame):
+            view = axes(frame.position, frame.right, frame.up, frame.axis)
+            objects = with_parallel_occluders(objects, stage.triangles(), view, stage.setting.dtype)
+        else:
+            objects = with_occluders(objects, stage.triangles(), frame.position, stage.setting.dtype)
     same_rules = all(len(set(stage.setting.rules(name))) == 1 for name in (target, "light_map"))
     return Spotlight(
         index, light, frame, sources, frame.uniforms(scene, params, far_m),

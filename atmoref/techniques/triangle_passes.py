@@ -34,6 +34,7 @@ from atmoref.stages.triangles import (
     face_normals,
     rasterise,
     set_up_occluders,
+    set_up_parallel_occluders,
     set_up_triangles,
 )
 
@@ -155,6 +156,33 @@ def with_occluders(solids: Solids, triangles: TriangleSet, origin: Vec3, dtype: 
         triangles=made,
         triangle_ids=triangles.objects[tree.order],
     )
+
+
+def with_parallel_occluders(
+    solids: Solids, triangles: TriangleSet, view: Axes, dtype: type[np.floating[Any]]
+) -> Solids:
+    """Return solids that hold a tree of the triangles as well, for exact visibility in parallel light.
+
+    Boxes are in the light's axes, and wider than their triangles by some roundings of float32.
+    """
+    apart = triangles.vertices - np.array(view.origin)
+    corners = np.stack([sum_of_products(apart, axis) for axis in (view.right, view.up, view.axis)], -1)
+    of_faces = corners[triangles.faces]
+    tree = hierarchy(of_faces.min(1), of_faces.max(1))
+    pad = 1e-6 * np.abs(tree.boxes).reshape(-1, 2, 3).max(1) + 1e-30
+    made = np.empty((triangles.count, OCCLUDER))
+    set_up_parallel_occluders(made, corners, triangles.faces, tree.order, slack(dtype))
+    return solids._replace(
+        nodes=np.hstack([tree.boxes[:, :3] - pad, tree.boxes[:, 3:] + pad]),
+        links=np.stack([tree.skips, tree.first, tree.number], -1),
+        triangles=made,
+        triangle_ids=triangles.objects[tree.order],
+    )
+
+
+def sum_of_products(points: NDArray[np.float64], axis: Vec3) -> NDArray[np.float64]:
+    """Return the products of points with a vector, added from left to right: the same bits everywhere."""
+    return np.asarray(points[:, 0] * axis[0] + points[:, 1] * axis[1] + points[:, 2] * axis[2])
 
 
 def no_surfaces(setting: Setting) -> Surfaces:
