@@ -85,6 +85,9 @@ class Waiting:
         )
 
 
+_told = threading.Event()  # that kernels are being compiled: a process says so once
+
+
 @contextlib.contextmanager
 def working(title: str) -> Iterator[Waiting]:
     """Yield a `Waiting` for work that runs kernels; says so, once, if any must be compiled."""
@@ -93,14 +96,13 @@ def working(title: str) -> Iterator[Waiting]:
     from atmoref._jit import CACHE_DIRECTORY
 
     with Waiting(title) as waiting:
-        told = threading.Event()
 
         class Announcement(event.Listener):
             """Numba tells the start of every compilation; what comes out of the cache is none."""
 
             def on_start(self, event: Any) -> None:
-                if not told.is_set():
-                    told.set()
+                if not _told.is_set():
+                    _told.set()
                     waiting.note(
                         "compiling kernels for this machine: less than a minute, the first time only "
                         f"(they are kept in {CACHE_DIRECTORY})"
