@@ -25,6 +25,9 @@ class Seconds:
     planes: float
 
 
+NOTHING = Seconds(0.0, 0.0)
+
+
 def draws_planes(p: Pass) -> bool:
     """Return whether a pass draws planes or slabs."""
     return p.name.endswith(PLANES)

@@ -69,11 +69,9 @@ def series(scene: Scene, axis: str, steps: int, width: int) -> tuple[str, list[S
     small = _sized(scene, width, width * 3 // 2)
     if axis == "pixels":
         full = variant(scene, "beams", skip=False)
-        return "beams", [_sized(full, width, width * 3 // 4 * 2**i) for i in range(steps)]
+        return "beams", [_sized(full, width, width * 3 // 2 * 2**i) for i in range(steps)]
     if axis == "planes":
-        return "beams_vertex", [
-            variant(small, "beams_vertex", skip=False, planes=40 * 2**i) for i in range(steps)
-        ]
+        return "beams_vertex", [variant(small, "beams_vertex", skip=False, planes=40 * 2**i) for i in range(steps)]
     if axis == "sub-planes":
         return "beams", [
             variant(small, "beams", skip=False, interval_m=2.4, epsilon=0.008 / 2**i) for i in range(steps)

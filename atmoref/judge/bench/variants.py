@@ -14,7 +14,7 @@ def variant(scene: Scene, technique: str | None = None, **keys: Any) -> Scene:
     ----------
     scene : Scene
     technique : str or None
-        None: the scene's own. Another one starts from its preset alone, since keys differ in meaning between techniques.
+        None: the scene's own. Another one starts from the preset: keys differ in meaning between techniques.
     keys
         Of [technique]; None removes one.
 
