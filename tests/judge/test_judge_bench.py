@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -78,7 +79,7 @@ def test_a_series_doubles_along_its_axis_alone(axis: str) -> None:
     }
     grown = axis.split(",")[0]
     for name, values in counts.items():
-        ratios = [b / a for a, b in zip(values, values[1:], strict=False) if a]
+        ratios = [b / a for a, b in itertools.pairwise(values) if a]
         wanted = 2.0 if name == grown or (name == "planes" and grown == "lights") else 1.0
         assert ratios == pytest.approx([wanted] * len(ratios), rel=0.06), name
 

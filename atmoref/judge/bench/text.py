@@ -20,7 +20,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _is_figure(text: str) -> bool:
-    return not text or text == "–" or text.replace(".", "", 1).isdigit()
+    try:
+        float(text)
+    except ValueError:
+        return text == "–"
+    return True
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], left: Sequence[bool]) -> str:
