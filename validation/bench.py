@@ -123,18 +123,20 @@ def sections(found: dict[str, Any], run: str, *, quick: bool) -> dict[str, str]:
     refused = refusals(spent)
     fronts: list[Front] = found["fronts"]
     shown = [f"Frame {f.format}, {f.size[0]} x {f.size[1]} pixels:\n\n{front_table(f)}" for f in fronts]
-    tell("ratios to scalar code")
     texts = {
         "run": run,
-        "scalar": bench_ratios.scalar_table(quick=quick),
         "costs": costs_table(spent) + (f"\n\nRefused:\n\n{refused}" if refused else ""),
         "growth": growth_table(found["growth"]),
         "front": "\n\n".join(shown),
+        "scalar": "Left out of a quick run: compiling the scalar code takes longer than all of it.",
+        "opengl": "Left out of a quick run.",
     }
-    tell("ratios to OpenGL")
-    opengl = None if quick else bench_ratios.opengl_table()
-    absent = "Left out of a quick run." if quick else "No software OpenGL device (`make system-deps` installs one)."
-    texts["opengl"] = opengl or absent
+    if not quick:
+        tell("ratios to scalar code")
+        texts["scalar"] = bench_ratios.scalar_table()
+        tell("ratios to OpenGL")
+        absent = "No software OpenGL device in this run (`make system-deps` installs one)."
+        texts["opengl"] = bench_ratios.opengl_table() or absent
     return texts
 
 

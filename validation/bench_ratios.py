@@ -32,12 +32,11 @@ OPENGL = (
 _TIMES = re.compile(r"OpenGL ([0-9.]+) ms, mirror ([0-9.]+) ms of CPU; ratio ([0-9.]+)")
 
 
-def scalar_table(*, quick: bool) -> str:
+def scalar_table(rounds: int = 7) -> str:
     """Return lanes against compiled scalar code that computes the same bits, skips on and off."""
     rows = []
-    for scene, stage, what, overrides in SCALAR[3:4] if quick else SCALAR:
-        size = ("image.width=48", "image.height=72") if quick else ()
-        t = measure(load_scene(scene, [*overrides, *size]), stage, 3 if quick else 7)
+    for scene, stage, what, overrides in SCALAR:
+        t = measure(load_scene(scene, overrides), stage, rounds)
         rows.append(
             [scene, what, *(f"{1e3 * s:.1f}" for s in (t.scalar_s, t.skips_s, t.no_skips_s)),
              f"{t.ratio:.2f}", f"{t.ratio_without_skips:.2f}", f"{t.gain:.2f}"]
