@@ -23,7 +23,7 @@ help:
 	@echo 'make demo         render the bundled scenes into out/demo: pictures, EXR files, a contact sheet'
 	@echo 'make test         the gate: format, lint, types, import floors, tests (JOBS=$(JOBS) processes)'
 	@echo 'make validate     the slow evidence and the docs'
-	@echo 'make bench        benchmarks, as ratios within one run'
+	@echo 'make bench        benchmarks, as ratios within one run: out/bench'
 	@echo 'make docs         run the examples in the documentation and check its links'
 	@echo 'make system-deps  install the optional system parts (Debian and Ubuntu, uses sudo where needed)'
 	@echo 'make venv         the development environment alone;  make clean  removes what the targets made'
@@ -69,7 +69,7 @@ validate: $(DEVELOP) docs
 
 bench: $(DEVELOP)
 	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
-	@if [ -f validation/bench.py ]; then $(BIN)/python validation/bench.py; fi
+	$(BIN)/python validation/bench.py -o out/bench
 
 # Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless; a browser in which the
 # reports are opened; an independent reader of KTX2 files under Node.

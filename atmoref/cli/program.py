@@ -16,6 +16,7 @@ import typer
 from typer.main import get_command
 
 from atmoref.cli import (
+    benching,
     bounding,
     checking,
     comparing,
@@ -42,6 +43,7 @@ _COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("bounds", bounding.bounds),
     ("budget", judging.budget),
     ("chart", judging.chart),
+    ("bench", benching.bench),
     ("demo", judging.demo),
     ("scenes", looking.scenes),
     ("techniques", looking.techniques),

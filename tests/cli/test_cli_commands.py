@@ -33,6 +33,14 @@ def test_help_and_version() -> None:
     assert well("--version").out.startswith("atmoref 0.")
 
 
+def test_bench() -> None:
+    told = well("bench", "quick", "--quick", "--rounds", "1", "--set", "image.width=24", "--set", "image.height=36")
+    assert "error against time, 24 x 36 pixels, frame unorm8" in told.out
+    assert all(f"| {name}" in told.out for name in (*TECHNIQUES, "truth"))
+    again = well("bench", "quick", "--quick", "--rounds", "1", "--pixels", "512", "--json").out
+    assert [c["technique"] for c in json.loads(again)["costs"]] == list(TECHNIQUES)
+
+
 def test_scenes() -> None:
     listed = well("scenes").out
     for name in bundled_names():
