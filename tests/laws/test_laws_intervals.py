@@ -111,17 +111,40 @@ def test_q_without_a_table_is_refused() -> None:
         frame_bounds(_scene("fig4c", "technique.preset=analysis"))
 
 
-def test_on_injected_input_a_draw_is_at_most_one_code_wide() -> None:
-    """With filtered shadows; where one compare decides all, an undecided texel is worth a sub-plane's whole share."""
-    for name in ("fig4c", "two_lights"):
-        for shadows, most in (("pcf", 2.0), ("nearest", 255.0)):
-            scene = _scene(name, "buffers.format=unorm8", f"technique.shadow_filter={shadows}", width=40, height=60)
-            draws = stored(scene)
-            slabs = [b for b in draw_bounds(scene, draws, threads=1) if "/sub_" in b.draw or "/main" in b.draw]
-            widths = np.concatenate([b.width().ravel() for b in slabs])
-            assert widths.max() <= most
-            assert (widths <= 1.0).mean() > 0.9999
-            assert (widths == 0.0).mean() > 0.999
+@pytest.mark.parametrize("name", ["fig4c", "two_lights"])
+def test_on_injected_input_a_draw_is_at_most_one_code_wide(name: str) -> None:
+    """Two at a kink; more only where a texel of the shadow map is as deep as the point, within rounding.
+
+    There the compare may go either way, which is worth the texel's weight of the sub-plane's share.  That such places
+    are what they seem is seen by moving the bias by half a millimetre: the mirror itself then changes its mind.
+    """
+    common = ("buffers.format=unorm8", "technique.shadow_filter=pcf")
+    scene = _scene(name, *common, width=40, height=60)
+    draws = stored(scene)
+    bias_m = parameters(scene, "beams").model_dump()["shadow_bias_m"]
+    moved = [
+        stored(_scene(name, *common, f"technique.shadow_bias_m={bias_m + step_m}", width=40, height=60))
+        for step_m in (-5e-4, 5e-4)
+    ]
+    slabs = [b for b in draw_bounds(scene, draws, threads=1) if "/sub_" in b.draw or "/main" in b.draw]
+    widths = np.concatenate([b.width().ravel() for b in slabs])
+    assert (widths <= 1.0).mean() > 0.9999
+    assert (widths == 0.0).mean() > 0.999
+    assert (widths > 2.0).mean() < 1e-5
+    for b in slabs:
+        wide = b.width() > 2.0
+        here = draws[b.draw][wide].astype(int)
+        changes = [np.abs(other[b.draw][wide].astype(int) - here) for other in moved]
+        assert (np.maximum(*changes) >= b.width()[wide] - 2.0).all(), b.draw
+
+
+def test_where_one_compare_decides_all_a_draw_is_rarely_wider() -> None:
+    """Without filter an undecided texel is worth a sub-plane's whole share."""
+    scene = _scene("fig4c", "buffers.format=unorm8", "technique.shadow_filter=nearest", width=40, height=60)
+    slabs = [b for b in draw_bounds(scene, stored(scene), threads=1) if "/sub_" in b.draw or "/main" in b.draw]
+    widths = np.concatenate([b.width().ravel() for b in slabs])
+    assert (widths <= 1.0).mean() > 0.9999
+    assert (widths == 0.0).mean() > 0.999
 
 
 def test_what_is_not_permitted_falls_outside() -> None:
