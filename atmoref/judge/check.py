@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.judge.allowance import Allowed, BoundsOfDraw, DrawAsked, tolerance
+from atmoref.judge.derived import DerivedBounds
 from atmoref.judge.diagnosis import Explanation, Found, combined, diagnose
 from atmoref.judge.dumps import DumpDirectory, DumpError, Entry, open_dump, read_entry
 from atmoref.judge.plan import Group, Plan, Stored, make_plan
-from atmoref.scene import Scene
+from atmoref.scene import Scene, SceneError
 
 MOST_DIAGNOSED = 8
 MOST_OF_A_KIND = 4
@@ -61,6 +62,9 @@ class DrawVerdict:
     passed : bool
     worst : Worst or None
         None where nothing differs.
+    envelope : bool or None
+        Whether it lies within what any device may store that the specifications permit; None where no interval is
+        derived.
     explanations : tuple of Explanation
         Best first; empty for a draw that passed, and after the first few that did not.
     """
@@ -75,6 +79,7 @@ class DrawVerdict:
     off: int
     passed: bool
     worst: Worst | None
+    envelope: bool | None = None
     explanations: tuple[Explanation, ...] = ()
 
     @property
@@ -117,6 +122,12 @@ class CheckVerdict:
         return all(draw.passed for draw in self.draws)
 
     @property
+    def envelope(self) -> bool | None:
+        """Whether every draw lies within `envelope`; None where no interval is derived."""
+        asked = [draw.envelope for draw in self.draws if draw.envelope is not None]
+        return all(asked) if asked else None
+
+    @property
     def first(self) -> DrawVerdict | None:
         """The first draw that left its bounds."""
         return next((draw for draw in self.draws if not draw.passed), None)
@@ -132,7 +143,7 @@ def check(
     scene: Scene,
     *,
     technique: str | None = None,
-    bounds_of_draw: BoundsOfDraw = tolerance,
+    bounds_of_draw: BoundsOfDraw | None = None,
     mask: NDArray[np.bool_] | None = None,
     diagnosed: bool = True,
     progress: Progress | None = None,
@@ -147,8 +158,9 @@ def check(
         The question, with the formats and the device of the build.
     technique : str or None
         Instead of the scene's own.
-    bounds_of_draw : callable
-        What a draw may store.
+    bounds_of_draw : callable or None
+        What a draw may store; None: intervals derived for the scene's device, or, where there are none (a note says
+        so), `allowance.tolerance`.
     mask : (H, W) array of bool or None
         Judged pixels of buffers of the picture's size, row 0 at the top.
     diagnosed : bool
@@ -165,15 +177,26 @@ def check(
     dump = open_dump(Path(directory))
     plan = make_plan(scene, technique)
     _check_names(dump, plan)
+    notes = [f"build: {dump.told[key]}" for key in ("about",) if str(dump.told.get(key, ""))]
+    if bounds_of_draw is None:
+        bounds_of_draw, told = _bounds(scene, plan.technique)
+        notes += told
     walk = _Walk(scene, plan, dump, bounds_of_draw, mask, MOST_DIAGNOSED if diagnosed else 0)
     verdicts = list(walk.verdicts(progress))
     if not verdicts:
         raise DumpError(f"{dump.path}: no buffer of the mirror is in this dump")
-    notes = tuple(f"build: {dump.told[key]}" for key in ("about",) if str(dump.told.get(key, "")))
     return CheckVerdict(
         str(dump.path), scene.name, plan.technique, plan.setting.device.name, tuple(verdicts),
-        _end_to_end(dump, scene, technique, mask), notes, walk.pictures,
+        _end_to_end(dump, scene, technique, mask), tuple(notes), walk.pictures,
     )  # fmt: skip
+
+
+def _bounds(scene: Scene, technique: str) -> tuple[BoundsOfDraw, list[str]]:
+    """Return the derived intervals of a scene's device, or a tolerance and a note that says why."""
+    try:
+        return DerivedBounds(scene, technique), []
+    except SceneError as error:
+        return tolerance, [f"bounds are a tolerance, for intervals do not answer this scene: {error}"]
 
 
 def _check_names(dump: DumpDirectory, plan: Plan) -> None:
@@ -203,6 +226,7 @@ class _Walk:
     ) -> None:  # fmt: skip
         self.scene, self.plan, self.dump, self.bounds, self.mask = scene, plan, dump, bounds_of_draw, mask
         self.left = diagnose
+        self.envelope: DerivedBounds | None = None
         self.looked_into: dict[str, list[float]] = {}
         self.failed: dict[str, int] = {}
         self.tied: set[str] = set()  # kinds of draws whose cause is not clear yet
@@ -287,15 +311,28 @@ class _Walk:
     ) -> tuple[DrawVerdict, Found]:
         expected = self.plan.bank[entry.buffer].format
         draws = tuple((self.plan.passes[at], first, last) for at, first, last in group)
-        allowed = self.bounds(DrawAsked(entry.draw, entry.buffer, draws, before, self.plan.bank, mirror, expected))
+        asked = DrawAsked(entry.draw, entry.buffer, draws, before, self.plan.bank, mirror, expected)
+        allowed = self.bounds(asked)
         judged = self._mask(mirror.shape)
         other = entry.format.name != expected.name
         test = _rescaled(build, entry, expected.top if expected.kind == "unorm" else None) if other else build
         verdict = judge_texels(entry, test, mirror, allowed, judged, len(group), wrong_format=other)
+        if isinstance(self.bounds, DerivedBounds) and group:
+            within = verdict.passed or self._in_envelope(entry, test, judged, asked, wrong_format=other)
+            verdict = replace(verdict, envelope=within)
         return verdict, Found(
             entry.draw, entry.buffer, entry.format, expected, group, before, build, mirror, judged, allowed.lo,
             allowed.hi,
         )  # fmt: skip
+
+    def _in_envelope(
+        self, entry: Entry, test: NDArray[Any], judged: NDArray[np.bool_], asked: DrawAsked, *, wrong_format: bool
+    ) -> bool:
+        """Ask the envelope about a draw that left the device's interval (which lies within it)."""
+        if self.envelope is None:
+            self.envelope = DerivedBounds(self.scene, self.plan.technique, "envelope")
+        wide = self.envelope(asked)
+        return judge_texels(entry, test, asked.stored, wide, judged, 0, wrong_format=wrong_format).passed
 
     def _mask(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         if self.mask is None or self.mask.shape != shape[:2]:

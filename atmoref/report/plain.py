@@ -14,14 +14,14 @@ MOST_LISTED = 24
 
 
 def check_json(verdict: CheckVerdict) -> dict[str, Any]:
-    """Return everything as plain values for JSON; what intervals would add is null until they are derived."""
+    """Return everything as plain values for JSON; `envelope` is null where no interval is derived."""
     first, cause = verdict.first, verdict.cause
     return {
         "verdict": "passed" if verdict.passed else "failed",
         "directory": verdict.directory, "scene": verdict.scene, "technique": verdict.technique,
         "device": verdict.device, "first": None if first is None else first.name,
         "diagnosis": None if cause is None else asdict(cause),
-        "envelope": None,
+        "envelope": verdict.envelope,
         "end_to_end": None if verdict.end_to_end is None else _finite(asdict(verdict.end_to_end)),
         "notes": list(verdict.notes),
         "draws": [_finite(asdict(draw)) | {"diagnosis": draw.diagnosis} for draw in verdict.draws],
@@ -44,6 +44,9 @@ def check_table(verdict: CheckVerdict) -> str:
         f"scene        {verdict.scene}, {verdict.technique}, device {verdict.device}; {judged}",
     ]
     first = verdict.first
+    if first is not None and verdict.envelope is not None:
+        within = "lies within" if verdict.envelope else "leaves"
+        lines.append(f"envelope     the build {within} what any device may store that the specifications permit")
     if first is not None:
         lines.append(f"first        {first.name}: {first.outside} of {first.pixels} pixels outside, {first.off} differ")
         if first.worst is not None:
