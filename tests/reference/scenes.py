@@ -222,7 +222,7 @@ PICTURED: dict[str, dict[str, Any]] = {
 
 
 def pictured(folder: Path, light: str, *, triangles: bool = False, **tables: Any) -> Scene:
-    """Return F4, 40 x 30 pixels, in another light, with sphere, box, ground and perhaps a mesh; files go to a folder."""
+    """Return F4, 40 x 30 pixels, in another light on sphere, box, ground and perhaps a mesh; files go to a folder."""
     slide = np.random.default_rng(7).random((5, 7, 3))
     slide[1:3, 2:4, 0] = 0.0  # no red: a lit place whose first channel is black
     np.save(folder / "slide.npy", slide)
