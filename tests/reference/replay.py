@@ -75,6 +75,7 @@ def _shadow(c: dict[str, Any]) -> None:
         c["depth"],
         lower(real, c["rule"]),
         lower(real, c["uniforms"]),
+        c["parallel"],
         c["solids"],
         c["surfaces"],
         c["pitch"],

@@ -8,6 +8,7 @@ from typing import Any
 from reference.scalar_math import arithmetic, called, inlined
 
 FAR = 1e30
+BEYOND = 1e9
 
 
 def make_solids(real: Any) -> SimpleNamespace:
@@ -15,8 +16,8 @@ def make_solids(real: Any) -> SimpleNamespace:
     zero, one, far, tiny, more = real(0), real(1), real(FAR), real(1e-20), real(1.0 + 1e-3)
 
     @inlined
-    def sphere(s, dx, dy, dz):
-        x, y, z, radius = real(s[0]), real(s[1]), real(s[2]), real(s[3])
+    def sphere(s, start, dx, dy, dz):
+        x, y, z, radius = real(s[0]) - start[0], real(s[1]) - start[1], real(s[2]) - start[2], real(s[3])
         cx, cy, cz = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
         dd = dx * dx + dy * dy + dz * dz
         rest = dd * radius * radius - (cx * cx + cy * cy + cz * cz)
@@ -27,18 +28,18 @@ def make_solids(real: Any) -> SimpleNamespace:
         return enter if enter > zero else (along + root) / dd
 
     @inlined
-    def faces(low, high, d):
+    def faces(low, high, start, d):
         if d < tiny and d > -tiny:
             d = tiny
-        a, b = real(low) / d, real(high) / d
+        a, b = (real(low) - start) / d, (real(high) - start) / d
         return (a, b) if a < b else (b, a)
 
     @inlined
-    def box(b, dx, dy, dz):
+    def box(b, start, dx, dy, dz):
         """Nearest parameter ahead, and the axis that was entered."""
-        x0, x1 = faces(b[0], b[3], dx)
-        y0, y1 = faces(b[1], b[4], dy)
-        z0, z1 = faces(b[2], b[5], dz)
+        x0, x1 = faces(b[0], b[3], start[0], dx)
+        y0, y1 = faces(b[1], b[4], start[1], dy)
+        z0, z1 = faces(b[2], b[5], start[2], dz)
         enter, leave = max(x0, y0, z0), min(x1, y1, z1)
         if not enter < leave:
             return far, 0
@@ -46,8 +47,8 @@ def make_solids(real: Any) -> SimpleNamespace:
         return (enter if enter > zero else leave), axis
 
     @inlined
-    def ground(height, dy):
-        return far if dy < tiny and dy > -tiny else real(height) / dy
+    def ground(height, start, dy):
+        return far if dy < tiny and dy > -tiny else (real(height) - start[1]) / dy
 
     @inlined
     def meets(b, ix, iy, iz):
@@ -83,40 +84,40 @@ def make_solids(real: Any) -> SimpleNamespace:
         return False
 
     @called
-    def occluded(solids, dx, dy, dz, own):
-        """Does an object other than `own` cut the segment from the origin to d?"""
+    def occluded(solids, start, dx, dy, dz, own):
+        """Does an object other than `own` cut the segment from start to start + d?"""
         for i in range(solids.spheres.shape[0]):
             if solids.sphere_ids[i] != own:
-                t = sphere(solids.spheres[i], dx, dy, dz)
+                t = sphere(solids.spheres[i], start, dx, dy, dz)
                 if t > zero and t < one:
                     return True
         for i in range(solids.boxes.shape[0]):
             if solids.box_ids[i] != own:
-                t, _ = box(solids.boxes[i], dx, dy, dz)
+                t, _ = box(solids.boxes[i], start, dx, dy, dz)
                 if t > zero and t < one:
                     return True
         for i in range(solids.grounds.shape[0]):
             if solids.ground_ids[i] != own:
-                t = ground(solids.grounds[i], dy)
+                t = ground(solids.grounds[i], start, dy)
                 if t > zero and t < one:
                     return True
         return shaded(solids, dx, dy, dz, own)
 
     @called
-    def nearest(solids, dx, dy, dz):
-        """Nearest object ahead: parameter (FAR: none), id (-1: none), outward normal."""
+    def nearest(solids, start, dx, dy, dz):
+        """Nearest object ahead of the start: parameter (FAR: none), id (-1: none), outward normal."""
         best, found, nx, ny, nz = far, -1, zero, zero, zero
         for i in range(solids.spheres.shape[0]):
             s = solids.spheres[i]
-            t = sphere(s, dx, dy, dz)
+            t = sphere(s, start, dx, dy, dz)
             if t > zero and t < best:
                 per_radius = real(1.0 / s[3])
                 best, found = t, solids.sphere_ids[i]
-                nx = (dx * t - real(s[0])) * per_radius
-                ny = (dy * t - real(s[1])) * per_radius
-                nz = (dz * t - real(s[2])) * per_radius
+                nx = (dx * t - (real(s[0]) - start[0])) * per_radius
+                ny = (dy * t - (real(s[1]) - start[1])) * per_radius
+                nz = (dz * t - (real(s[2]) - start[2])) * per_radius
         for i in range(solids.boxes.shape[0]):
-            t, axis = box(solids.boxes[i], dx, dy, dz)
+            t, axis = box(solids.boxes[i], start, dx, dy, dz)
             if t > zero and t < best:
                 best, found, nx, ny, nz = t, solids.box_ids[i], zero, zero, zero
                 if axis == 0:
@@ -126,7 +127,7 @@ def make_solids(real: Any) -> SimpleNamespace:
                 else:
                     nz = -one if dz > zero else one
         for i in range(solids.grounds.shape[0]):
-            t = ground(solids.grounds[i], dy)
+            t = ground(solids.grounds[i], start, dy)
             if t > zero and t < best:
                 best, found, nx, nz = t, solids.ground_ids[i], zero, zero
                 ny = -one if dy > zero else one
@@ -140,7 +141,7 @@ def lighting(real: Any) -> SimpleNamespace:
     """Return rays, solids and `illuminate` in one precision."""
     a = arithmetic(real)
     zero, half, one, two, three = real(0), real(0.5), real(1), real(2), real(3)
-    slightly_more = real(1.0 + 1e-5)
+    slightly_more, beyond = real(1.0 + 1e-5), real(-BEYOND)
     bilinear, shadow, atan2 = a.texture.bilinear, a.texture.shadow, a.atan2
     solids_of = make_solids(real)
     occluded = solids_of.occluded
@@ -174,7 +175,38 @@ def lighting(real: Any) -> SimpleNamespace:
         return spot.peak * (part * part * (three - part * two))
 
     @inlined
-    def illuminate(switches, spot, maps, solids, ray, light, z, own):
+    def sun_reaches(switches, spot, maps, solids, ray, z, own, u, v, w):
+        """H of parallel light, from the window, or from far away without one."""
+        unbounded = switches.unbounded != 0
+        if switches.exact_visibility != 0:
+            start = (ray[2] * z + spot.from_x, ray[3] * z + spot.from_y, ray[4] * z + spot.from_z)
+            back = beyond if unbounded else -w
+            return (
+                zero
+                if occluded(solids, start, back * spot.axis_x, back * spot.axis_y, back * spot.axis_z, own)
+                else one
+            )
+        if unbounded and (u < zero or u > one or v < zero or v > one):
+            return one
+        return shadow(maps.shadow, u, v, w * spot.depth_b + spot.depth_a)
+
+    @inlined
+    def sunshine(switches, spot, maps, solids, ray, light, z, own):
+        """I_l H of the sun: nothing is divided, and without a window every place is lit."""
+        u, v, w = light[0] * z + spot.u_0, light[1] * z + spot.v_0, light[2] * z + spot.w_0
+        if switches.unbounded == 0 and (w < spot.least_w or u < zero or u > one or v < zero or v > one):
+            return zero, zero, zero
+        visible = sun_reaches(switches, spot, maps, solids, ray, z, own, u, v, w)
+        if not visible > zero:
+            return zero, zero, zero
+        u, v = min(max(u, zero), one), min(max(v, zero), one)
+        r = bilinear(maps.light, 0, u, v) * visible
+        if switches.grey_light != 0:
+            return r, r, r
+        return r, bilinear(maps.light, 1, u, v) * visible, bilinear(maps.light, 2, u, v) * visible
+
+    @inlined
+    def point_light(switches, spot, maps, solids, ray, light, z, own):
         """I_l H at eye + z d, three channels; all zero where no light arrives."""
         w = light[2] * z + spot.w_0
         if w < spot.least_w:
@@ -189,7 +221,7 @@ def lighting(real: Any) -> SimpleNamespace:
         if switches.exact_visibility != 0 or switches.exact_distribution != 0:
             dx, dy, dz = ray[2] * z + spot.from_x, ray[3] * z + spot.from_y, ray[4] * z + spot.from_z
         if switches.exact_visibility != 0:
-            if occluded(solids, dx, dy, dz, own):
+            if occluded(solids, (zero, zero, zero), dx, dy, dz, own):
                 return zero, zero, zero
             visible = one
         else:
@@ -203,6 +235,13 @@ def lighting(real: Any) -> SimpleNamespace:
         if switches.grey_light != 0:
             return r, r, r
         return r, bilinear(maps.light, 1, u, v) * visible, bilinear(maps.light, 2, u, v) * visible
+
+    @inlined
+    def illuminate(switches, spot, maps, solids, ray, light, z, own):
+        """I_l H at eye + z d, three channels; all zero where no light arrives."""
+        if switches.parallel != 0:
+            return sunshine(switches, spot, maps, solids, ray, light, z, own)
+        return point_light(switches, spot, maps, solids, ray, light, z, own)
 
     return SimpleNamespace(
         arithmetic=a, nearest=solids_of.nearest, camera_ray=camera_ray, light_ray=light_ray, illuminate=illuminate

@@ -22,7 +22,7 @@ def opaque_loops(real: Any) -> SimpleNamespace:
     @inlined
     def nearest_surface(solids, surfaces, p, size, dx, dy, dz):
         """Nearest of solids and drawn triangles, whose normals are turned to the viewer."""
-        t, found, nx, ny, nz = nearest(solids, dx, dy, dz)
+        t, found, nx, ny, nz = nearest(solids, (zero, zero, zero), dx, dy, dz)
         if surfaces.on != 0 and surfaces.drawn[p] < t:
             i = int(surfaces.drawn[p + size])
             t, found = surfaces.drawn[p], surfaces.objects[i]
@@ -68,10 +68,13 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                 l_r, l_g, l_b = illuminate(
                     uniforms.switches, spot, maps, lit_solids, ray, light_ray(spot, ray), z, found
                 )
-                if not l_r > zero:
+                if not (l_r > zero or l_g > zero or l_b > zero):
                     continue
                 x, y, w = ray[2] * z + spot.from_x, ray[3] * z + spot.from_y, ray[4] * z + spot.from_z
                 s = max(math.sqrt(x * x + y * y + w * w), least)
+                way = s
+                if uniforms.switches.parallel != 0:
+                    x, y, w, s, way = spot.axis_x, spot.axis_y, spot.axis_z, one, zero
                 facing = -((nx * x + ny * y + nz * w) / s)
                 if not facing > zero:
                     continue
@@ -82,26 +85,34 @@ def opaque_loops(real: Any) -> SimpleNamespace:
                     if choices.fog == 1:
                         mu = -((ray[2] * x + ray[3] * y + ray[4] * w) / (s * ray[5]))
                         peak = phase(choices.phase, surface.g, mu) / (s * s)
-                        fog = fog * (surface.source_r, surface.source_g, surface.source_b)[c] * peak * exp(-(s * sigma))
+                        fog = (
+                            fog * (surface.source_r, surface.source_g, surface.source_b)[c] * peak * exp(-(way * sigma))
+                        )
                     strength = (surface.intensity_r, surface.intensity_g, surface.intensity_b)[c]
-                    fog = fog * strength * exp(-(s * sigma)) * real(solids.albedo[3 * found + c])
+                    fog = fog * strength * exp(-(way * sigma)) * real(solids.albedo[3 * found + c])
                     at = p + c * size
                     frame[at] = add(rules[c], real(frame[at]), e * (l_r, l_g, l_b)[c] * fog)
 
     @entry
-    def shadow_map(depth, rule, u, solids, surfaces, pitch, size, row0, row1):
+    def shadow_map(depth, rule, u, parallel, solids, surfaces, pitch, size, row0, row1):
         for row in range(row0, row1):
             y = (real(row) + half) * u.step - one
             for column in range(size):
                 x = (real(column) + half) * u.step - one
-                dx = x * u.right_x + y * u.up_x + u.axis_x
-                dy = x * u.right_y + y * u.up_y + u.axis_y
-                dz = x * u.right_z + y * u.up_z + u.axis_z
-                w, found, _, _, _ = nearest(solids, dx, dy, dz)
+                dx, dy, dz = x * u.right_x + y * u.up_x, x * u.right_y + y * u.up_y, x * u.right_z + y * u.up_z
+                start = (dx, dy, dz)
+                if parallel != 0:
+                    dx, dy, dz = u.axis_x, u.axis_y, u.axis_z
+                else:
+                    start = (zero, zero, zero)
+                    dx, dy, dz = dx + u.axis_x, dy + u.axis_y, dz + u.axis_z
+                w, found, _, _, _ = nearest(solids, start, dx, dy, dz)
                 if surfaces.on != 0 and surfaces.drawn[row * pitch + column] < w:
                     w, found = surfaces.drawn[row * pitch + column], 0
                 window = one
-                if found >= 0:
+                if found >= 0 and parallel != 0:
+                    window = min(max(u.depth_a + u.depth_b * max(w, u.near), zero), one)
+                elif found >= 0:
                     window = min(max(u.depth_a - u.depth_b / max(w, u.near), zero), one)
                 depth[row * pitch + column] = encode(rule, window)
 

@@ -48,6 +48,34 @@ def make_q(real: Any, a: Any) -> Any:
     return q_exact
 
 
+def make_sun(real: Any, a: Any) -> Any:
+    """The sun's f_l / c_k of one channel: rho p(alpha) (1 - exp(-sigma_t dt)) / sigma_t."""
+    exp, phase = a.exp, a.phase
+    one, small = real(1), real(0.0625)
+    per = tuple(real(1.0 / n) for n in range(1, 9))
+
+    @inlined
+    def lost(x):
+        """(1 - exp(-x)) / x; by its series where that would cancel."""
+        if not x < small:
+            return (one - exp(-x)) / x
+        part = one - x * per[7]
+        part = one - x * per[6] * part
+        part = one - x * per[5] * part
+        part = one - x * per[4] * part
+        part = one - x * per[3] * part
+        part = one - x * per[2] * part
+        return one - x * per[1] * part
+
+    @inlined
+    def sun(slab, choices, ray, sigma, source):
+        mu = -((ray[2] * slab.axis_x + ray[3] * slab.axis_y + ray[4] * slab.axis_z) / ray[5])
+        dt = slab.dt if choices.dt_mode == 0 else slab.dt * ray[5]
+        return phase(choices.phase, slab.g, mu * slab.cosine) * dt * source * lost(dt * sigma)
+
+    return sun
+
+
 def make_mesh(real: Any, fma: Any) -> Any:
     """Attributes of the triangle a pixel lies in: barycentric, or as planes over the screen."""
     zero, half, one, edge = real(0), real(0.5), real(1), real(1.0 - 1e-5)
@@ -99,7 +127,7 @@ def slab_loop(real: Any) -> Any:
     exp, add, value, bilinear = a.exp, a.store.add, a.store.value, a.texture.bilinear
     camera_ray, light_ray, illuminate = light.camera_ray, light.light_ray, light.illuminate
     zero, one = real(0), real(1)
-    q_exact = make_q(real, a)
+    q_exact, sun = make_q(real, a), make_sun(real, a)
     corner_of, attribute = make_mesh(real, a.texture.fma)
 
     @inlined
@@ -112,14 +140,19 @@ def slab_loop(real: Any) -> Any:
         return found
 
     @inlined
-    def slow(c, sigma, source, slab, choices, q, mesh, nodes, weights, span, corner, u, v, t, k, planes):
-        """c_k q(u, v) of one channel."""
+    def slow(c, sigma, source, slab, choices, q, mesh, nodes, weights, ray, corner, u, v, t, k, planes):
+        """f_l = c_k q(u, v) of one channel, of the sun in closed form."""
+        span = ray[5]
         if choices.vertex != 0:
             factor = attribute(mesh.c, (c * planes + k) * (choices.mesh_x + 1) * (choices.mesh_y + 1), choices, corner)
         else:
             factor = exp(-(t * sigma))
-            if choices.dt_mode == 1:
+            if choices.parallel != 0:
+                factor = factor * sun(slab, choices, ray, sigma, source)
+            elif choices.dt_mode == 1:
                 factor = factor * span
+        if choices.parallel != 0:
+            return factor
         if choices.exact_q == 0:
             return factor * table(q, c, slab, choices, u, v)
         dt = slab.dt * span if choices.dt_mode == 2 else slab.dt
@@ -154,7 +187,7 @@ def slab_loop(real: Any) -> Any:
                         if not draws.depth[s] < surface:
                             continue
                         l_r, l_g, l_b = illuminate(switches, spot, maps, solids, ray, lit, draws.z[s], -1)
-                        if l_r > zero:
+                        if l_r > zero or l_g > zero or l_b > zero:
                             h_r = add(fast_rules[0], h_r, l_r * draws.share[s])
                             if switches.grey_light == 0:
                                 h_g = add(fast_rules[1], h_g, l_g * draws.share[s])
@@ -170,21 +203,21 @@ def slab_loop(real: Any) -> Any:
                     z = draws.main_z[k]
                     t = span * z
                     u_k, v_k = along + t, v
-                    if choices.vertex != 0:
+                    if choices.vertex != 0 and choices.parallel == 0:
                         u_k = attribute(mesh.u, k * vertices, choices, corner)
                         v_k = attribute(mesh.v, 0, choices, corner)
                     f_r = slow(
-                        0, slab.sigma_r, slab.source_r, slab, choices, q, mesh, nodes, weights, span, corner, u_k, v_k,
+                        0, slab.sigma_r, slab.source_r, slab, choices, q, mesh, nodes, weights, ray, corner, u_k, v_k,
                         t, k, planes,
                     )  # fmt: skip
                     f_g, f_b = f_r, f_r
                     if choices.grey == 0:
                         f_g = slow(
-                            1, slab.sigma_g, slab.source_g, slab, choices, q, mesh, nodes, weights, span, corner, u_k,
+                            1, slab.sigma_g, slab.source_g, slab, choices, q, mesh, nodes, weights, ray, corner, u_k,
                             v_k, t, k, planes,
                         )  # fmt: skip
                         f_b = slow(
-                            2, slab.sigma_b, slab.source_b, slab, choices, q, mesh, nodes, weights, span, corner, u_k,
+                            2, slab.sigma_b, slab.source_b, slab, choices, q, mesh, nodes, weights, ray, corner, u_k,
                             v_k, t, k, planes,
                         )  # fmt: skip
                     r = add(frame_rules[0], r, f_r * value(fast_rules[0], h_r))

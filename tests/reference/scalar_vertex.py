@@ -16,7 +16,7 @@ def vertex_loop(real: Any) -> Any:
     a = light.arithmetic
     exp, add, phase = a.exp, a.store.add, a.phase
     camera_ray, light_ray, illuminate = light.camera_ray, light.light_ray, light.illuminate
-    zero, least = real(0), real(1e-6)
+    zero, one, least = real(0), real(1), real(1e-6)
     corner_of, attribute = make_mesh(real, a.texture.fma)
 
     @inlined
@@ -41,15 +41,18 @@ def vertex_loop(real: Any) -> Any:
                     if not draws.depth[k] < depth[p]:
                         continue
                     l_r, l_g, l_b = illuminate(switches, spot, maps, solids, ray, lit, z, -1)
-                    if not l_r > zero:
+                    if not (l_r > zero or l_g > zero or l_b > zero):
                         continue
                     common, path = zero, zero
                     if choices.vertex == 0:
                         x, y, w = ray[2] * z + slab.from_x, ray[3] * z + slab.from_y, ray[4] * z + slab.from_z
                         s = max(math.sqrt(x * x + y * y + w * w), least)
-                        mu = -((ray[2] * x + ray[3] * y + ray[4] * w) / (s * ray[5]))
+                        mu, path = -((ray[2] * x + ray[3] * y + ray[4] * w) / (s * ray[5])), s + z * ray[5]
+                        if choices.parallel != 0:
+                            mu = -((ray[2] * slab.axis_x + ray[3] * slab.axis_y + ray[4] * slab.axis_z) / ray[5])
+                            s, path = one, z * ray[5]
                         dt = slab.dt if choices.dt_mode == 0 else slab.dt * ray[5]
-                        common, path = phase(choices.phase, slab.g, mu * slab.cosine) / (s * s) * dt, s + z * ray[5]
+                        common = phase(choices.phase, slab.g, mu * slab.cosine) / (s * s) * dt
                     f_r = source(0, slab.source_r, slab.sigma_r, choices, colours, corner, common, path, k, planes)
                     f_g, f_b = f_r, f_r
                     if choices.grey == 0:

@@ -204,3 +204,39 @@ def _sub_planes(scene: Scene) -> int:
         beam_plan(scene, light_frame(scene, i), params, i, source(scene, light, params), None).counts[1]
         for i, light in enumerate(scene.lights)
     )
+
+
+SLIDE = {
+    "type": "projector", "position_m": [-6.0, 18.0, -4.0], "direction": [0.4, -1.0, 0.3], "up": [0.3, 0.2, 1.0],
+    "horizontal_half_angle_deg": 32.0, "image": "slide.npy", "peak": 0.9, "radiant_intensity_w_per_sr": 6000.0,
+}  # fmt: skip
+SUN: dict[str, Any] = {"type": "sun", "direction": [0.2, -1.0, 0.3], "irradiance_w_per_m2": [60.0, 50.0, 40.0]}
+OPENING = {"center_m": [0.0, 16.0, -3.0], "across_m": [12.0, 1.0, 0.5], "up_m": [2.0, 3.0, 9.0], "peak": 0.8}
+PICTURED: dict[str, dict[str, Any]] = {
+    "projector": SLIDE,
+    "window": {**SUN, "window": {**OPENING, "image": "slide.npy"}},
+    "clear window": {**SUN, "window": OPENING},
+    "no window": SUN,
+}
+"""Projector and suns: a rolled coloured picture, a window with one, a skew clear opening, light everywhere."""
+
+
+def pictured(folder: Path, light: str, *, triangles: bool = False, **tables: Any) -> Scene:
+    """Return F4, 40 x 30 pixels, in another light on sphere, box, ground and perhaps a mesh; files go to a folder."""
+    slide = np.random.default_rng(7).random((5, 7, 3))
+    slide[1:3, 2:4, 0] = 0.0  # no red: a lit place whose first channel is black
+    np.save(folder / "slide.npy", slide)
+    (folder / "cube.obj").write_text(CUBE)
+    objects = [
+        {"type": "sphere", "center_m": [0.0, 8.0, 0.0], "radius_m": 2.0, "albedo": 0.05},
+        {"type": "box", "min_m": [3.0, 0.0, -3.0], "max_m": [5.0, 4.0, 1.0], "albedo": [0.3, 0.6, 0.4]},
+        {"type": "ground", "height_m": 0.0, "albedo": 0.2},
+    ]  # fmt: skip
+    if triangles:
+        objects.append(
+            {"type": "mesh", "path": "cube.obj", "scale": 3.0, "rotate_y_deg": 25.0, "position_m": [-5.0, 6.0, -1.0],
+             "albedo": [0.05, 0.2, 0.4]},
+        )  # fmt: skip
+    tables["image"] = {"width": 40, "height": 30, **tables.get("image", {})}
+    tables["technique"] = {"base_distance_m": 40.0, **tables.get("technique", {})}
+    return f4(objects=objects, lights=[PICTURED[light]], path=folder / "scene.toml", **tables)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.replay import differences
-from reference.scenes import FLOAT64, bundled, scenes, with_triangles
+from reference.scenes import FLOAT64, PICTURED, bundled, pictured, scenes, with_triangles
 
 SINGLE = ("buffers.format=float32", "buffers.arithmetic=float32")
 FIGURES = ["fig4a", "fig4b", "fig4c", "quick", "two_lights"]
@@ -92,6 +92,29 @@ def test_triangles(tmp_path: Path, technique: str, buffers: dict[str, str]) -> N
 def test_triangles_with_exact_visibility(tmp_path: Path, buffers: dict[str, str]) -> None:
     keys = {"preset": "analysis" if buffers is FLOAT64 else "corrected", "visibility": "exact"}
     assert_equal(with_triangles(tmp_path, buffers=buffers, technique=keys))
+
+
+LIGHT_BUFFERS = {"unorm8": {}, "float32": {"format": "float32"}, "float64": FLOAT64}
+FOGS: list[dict[str, Any]] = [
+    {"phase": {"type": "nishita_hazy"}},
+    {"phase": {"type": "henyey_greenstein", "g": 0.6}, "medium": {"extinction_per_m": [0.02, 0.03, 0.05]}},
+]
+
+
+@pytest.mark.parametrize("technique", ["beams", "beams_vertex"])
+@pytest.mark.parametrize("buffers", sorted(LIGHT_BUFFERS))
+@pytest.mark.parametrize("preset", ["paper", "corrected", "analysis"])
+@pytest.mark.parametrize("light", list(PICTURED))
+def test_projector_and_suns(tmp_path: Path, light: str, preset: str, buffers: str, technique: str) -> None:
+    """With a mesh wherever shadows come from a map; exactly without one."""
+    keys = {"preset": preset, "shadow_map_size": 64}
+    if technique == "beams":
+        keys |= {"interval_m": 2.0, "epsilon": 0.05}
+    for fog in FOGS:
+        scene = pictured(
+            tmp_path, light, triangles=preset != "analysis", buffers=LIGHT_BUFFERS[buffers], technique=keys, **fog
+        )
+        assert_equal(scene, technique)
 
 
 @given(scene=scenes(UNORM))
