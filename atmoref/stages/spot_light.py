@@ -13,7 +13,20 @@ from typing import Any, NamedTuple
 
 from atmoref._jit import device
 from atmoref.buffers.sampler import bilinear, bilinear3, bilinear3_pair, bilinear_pair, shadow_compare, shadow_pair
-from atmoref.lanes import absolute, any_lane, apart, atan2, lift, maximum, minimum, saturate, select, sqrt, unchanged
+from atmoref.lanes import (
+    absolute,
+    any_lane,
+    apart,
+    atan2,
+    lift,
+    maximum,
+    minimum,
+    saturate,
+    select,
+    spread_int,
+    sqrt,
+    unchanged,
+)
 from atmoref.stages.ray_cast import Start, occluded, origin, parallel_occluded
 
 BEYOND = 1e9  # metres: farther than anything that could cast a shadow
@@ -230,7 +243,7 @@ def visibility(arith, switches, spot, maps, solids, ray, z, own, point):
             )
         return _unless(occluded(arith, solids, origin(arith), dx, dy, dz, own), dx)
     visible = shadow_compare(arith, maps.shadow, point.us, point.vs, depth_reference(switches, spot, point))
-    return beyond_map(switches, point, visible)
+    return beyond_map(arith, switches, spot, solids, ray, z, own, point, visible)
 
 
 @device
@@ -240,10 +253,17 @@ def _unless(blocked, like):
 
 
 @device
-def beyond_map(switches, point, visible):
-    """Return the visibility, 1 beyond the map of a sun without a window: there is nothing that casts a shadow."""
+def beyond_map(arith, switches, spot, solids, ray, z, own, point, visible):
+    """Return the visibility where the map of a sun without a window ends: grounds alone cast a shadow there.
+
+    They have no end, so they may also lie before the map: what is on a ground's other side is dark everywhere.
+    """
     if switches.unbounded != 0:
-        return select(unchanged(point.u, point.us) & unchanged(point.v, point.vs), visible, 1.0)
+        visible = select(unchanged(point.u, point.us) & unchanged(point.v, point.vs), visible, 1.0)
+        for i in range(solids.grounds.shape[0]):
+            above = (ray.dy * z + spot.from_y) - lift(arith, solids.grounds[i])
+            behind = (above * spot.axis_y > 0.0) & (own != spread_int(solids.ground_ids[i]))
+            visible = select(behind, visible * 0.0, visible)
     return visible
 
 
@@ -270,7 +290,10 @@ def visibility_pair(arith, switches, spot, maps, solids, ray, z_a, z_b, own, a, 
         return first, visibility(arith, switches, spot, maps, solids, ray, z_b, own, b)
     reference_a, reference_b = depth_reference(switches, spot, a), depth_reference(switches, spot, b)
     first, second = shadow_pair(arith, maps.shadow, (a.us, a.vs), (b.us, b.vs), reference_a, reference_b)
-    return beyond_map(switches, a, first), beyond_map(switches, b, second)
+    if switches.unbounded != 0:
+        first = beyond_map(arith, switches, spot, solids, ray, z_a, own, a, first)
+        second = beyond_map(arith, switches, spot, solids, ray, z_b, own, b, second)
+    return first, second
 
 
 @device

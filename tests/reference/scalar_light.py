@@ -186,8 +186,13 @@ def lighting(real: Any) -> SimpleNamespace:
                 if occluded(solids, start, back * spot.axis_x, back * spot.axis_y, back * spot.axis_z, own)
                 else one
             )
-        if unbounded and (u < zero or u > one or v < zero or v > one):
-            return one
+        if unbounded:
+            for i in range(solids.grounds.shape[0]):
+                above = (ray[3] * z + spot.from_y) - real(solids.grounds[i])
+                if own != solids.ground_ids[i] and above * spot.axis_y > zero:
+                    return zero
+            if u < zero or u > one or v < zero or v > one:
+                return one
         return shadow(maps.shadow, u, v, w * spot.depth_b + spot.depth_a)
 
     @inlined
