@@ -62,11 +62,11 @@ class DrawVerdict:
     passed : bool
     worst : Worst or None
         None where nothing differs.
+    explanations : tuple of Explanation
+        Best first; empty for a draw that passed, and after the first few that did not.
     envelope : bool or None
         Whether it lies within what any device may store that the specifications permit; None where no interval is
         derived.
-    explanations : tuple of Explanation
-        Best first; empty for a draw that passed, and after the first few that did not.
     """
 
     draw: str
@@ -79,8 +79,8 @@ class DrawVerdict:
     off: int
     passed: bool
     worst: Worst | None
-    envelope: bool | None = None
     explanations: tuple[Explanation, ...] = ()
+    envelope: bool | None = None
 
     @property
     def name(self) -> str:
@@ -312,10 +312,13 @@ class _Walk:
         expected = self.plan.bank[entry.buffer].format
         draws = tuple((self.plan.passes[at], first, last) for at, first, last in group)
         asked = DrawAsked(entry.draw, entry.buffer, draws, before, self.plan.bank, mirror, expected)
-        allowed = self.bounds(asked)
         judged = self._mask(mirror.shape)
         other = entry.format.name != expected.name
         test = _rescaled(build, entry, expected.top if expected.kind == "unorm" else None) if other else build
+        if isinstance(self.bounds, DerivedBounds) and np.array_equal(test, mirror):
+            allowed = self.bounds.around(mirror)  # the mirror lies within: no need to draw it in intervals
+        else:
+            allowed = self.bounds(asked)
         verdict = judge_texels(entry, test, mirror, allowed, judged, len(group), wrong_format=other)
         if isinstance(self.bounds, DerivedBounds) and group:
             within = verdict.passed or self._in_envelope(entry, test, judged, asked, wrong_format=other)

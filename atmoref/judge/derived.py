@@ -58,6 +58,11 @@ class DerivedBounds:
         low, high = buffer.low.codes(), buffer.high.codes()
         return Allowed(low.astype(np.float64), high.astype(np.float64), name=self.name)
 
+    def around(self, mirror: NDArray[Any]) -> Allowed:
+        """Return what is known to be allowed without drawing: what the mirror stored."""
+        same = mirror.astype(np.float64)
+        return Allowed(same, same, name=self.name)
+
     def _put(self, before: dict[str, NDArray[Any]]) -> None:
         """Let buffers hold what the build stored; those that do already are left alone."""
         maps = False

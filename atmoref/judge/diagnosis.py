@@ -266,4 +266,4 @@ def _factor(found: Found) -> Iterator[Guess]:
 
 
 def _rms(difference: NDArray[np.float64], judged: NDArray[np.bool_]) -> float:
-    return math.sqrt(float(np.mean(np.square(difference[judged]))))
+    return math.sqrt(float(np.mean(np.square(difference if judged.all() else difference[judged]))))
