@@ -107,11 +107,11 @@ class Drops:
         Raises
         ------
         ValueError
-            For drops so large that the rule would need more than 20,000 nodes.
+            For drops so large that the rule would need more than 50,000 nodes.
         """
         _, x, _, _ = self._spheres(wavelength_nm, radii)
         degree = 2 * int(mie.number_of_terms(x).max())
-        if degree > 20_000:
+        if degree > 50_000:
             raise ValueError(f"a series of degree {degree} is not summed here: the drops are too large")
         a = _coefficients(self, wavelength_nm, radii, degree)
         wanted = degree + 1 if count is None else count

@@ -136,7 +136,7 @@ def test_mirrored_angles_have_mirrored_cosines():
         (lambda: OneSize(0.0), "positive"),
         (lambda: OneSize(1e-6).radii(0), "at least 1"),
         (lambda: cosines([181.0]), "0 to 180"),
-        (lambda: RAIN.legendre(550.0), "too large"),
+        (lambda: Drops(OneSize(3e-3), 1, 1.0).legendre(550.0), "too large"),
         (lambda: CLOUD.phase_function(0.0, 300.0), "380 to 780"),
         (lambda: Drops(OneSize(1.0), 1, 1.0).cross_sections(550.0), "size parameters"),
     ],
