@@ -1,11 +1,16 @@
 """The particles by name: one file each, one line here."""
 
 from atmoref.optics.cloud import CLOUD
+from atmoref.optics.crystals import Crystals
 from atmoref.optics.cumulus import CUMULUS
 from atmoref.optics.drops import Drops
+from atmoref.optics.ice import ICE
 from atmoref.optics.rain import RAIN
+from atmoref.optics.snow import SNOW
 
-__all__ = ["PARTICLES"]
+__all__ = ["DROPS", "PARTICLES"]
 
-PARTICLES: dict[str, Drops] = {"cloud": CLOUD, "cumulus": CUMULUS, "rain": RAIN}
+DROPS: dict[str, Drops] = {"cloud": CLOUD, "cumulus": CUMULUS, "rain": RAIN}
+"""Name -> water drops."""
+PARTICLES: dict[str, Drops | Crystals] = {**DROPS, "ice": ICE, "snow": SNOW}
 """Name -> what it does to light."""

@@ -11,7 +11,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from atmoref.optics import drops
-from atmoref.optics.particles import PARTICLES
+from atmoref.optics.crystals import Crystals
+from atmoref.optics.particles import DROPS, PARTICLES
 from atmoref.optics.refraction import water
 
 WAVELENGTHS_NM = (680.0, 550.0, 440.0)
@@ -21,7 +22,7 @@ LEAST_RATIO = 10.0
 
 def _ours(mu: np.ndarray) -> list[np.ndarray]:
     drops._coefficients.cache_clear()
-    cloud = PARTICLES["cloud"]
+    cloud = DROPS["cloud"]
     tables = []
     for nm in WAVELENGTHS_NM:
         assert cloud.legendre(nm, RADII, COEFFICIENTS).size == COEFFICIENTS
@@ -32,7 +33,7 @@ def _ours(mu: np.ndarray) -> list[np.ndarray]:
 def _loop(miepython: object, mu: np.ndarray) -> list[np.ndarray]:
     tables = []
     for nm in WAVELENGTHS_NM:
-        _, x, shares, _ = PARTICLES["cloud"]._spheres(nm, RADII)
+        _, x, shares, _ = DROPS["cloud"]._spheres(nm, RADII)
         index = float(water(nm))
         total, scattering = np.zeros_like(mu), 0.0
         for size, share in zip(x, shares, strict=True):
@@ -64,3 +65,12 @@ def test_bench_cloud_table_against_miepython(benchmark: BenchmarkFixture) -> Non
         np.testing.assert_allclose(a, b, rtol=1e-6)
     assert math.isfinite(ratio)
     assert ratio >= LEAST_RATIO
+
+
+@pytest.mark.benchmark(group="hexagonal ice, 6 million rays, 3 wavelengths")
+def test_bench_ice(benchmark: BenchmarkFixture) -> None:
+    ice = PARTICLES["ice"]
+    assert isinstance(ice, Crystals)
+    ice.trace(550.0, 1000)
+    benchmark.pedantic(lambda: [ice.trace(nm, 6_000_000) for nm in WAVELENGTHS_NM], rounds=1)
+    assert benchmark.stats.stats.median < 30.0

@@ -11,7 +11,7 @@ import pytest
 from atmoref.optics import mie
 from atmoref.optics.angles import bow_deg, dark_rings_deg, halo_deg, lowest_deg, peak_deg, turning_points_deg
 from atmoref.optics.drops import Drops, cosines
-from atmoref.optics.particles import PARTICLES
+from atmoref.optics.particles import DROPS
 from atmoref.optics.refraction import ice, water
 from atmoref.optics.sizes import OneSize
 
@@ -24,13 +24,13 @@ WHOLE = np.arange(1801) / 10.0
 
 @functools.cache
 def _rain(nm: int) -> np.ndarray:
-    return PARTICLES["rain"].phase_function(cosines(NEAR_BOWS), float(nm))
+    return DROPS["rain"].phase_function(cosines(NEAR_BOWS), float(nm))
 
 
 @functools.cache
 def _cloud(nm: int, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     angles = np.arange(round(low * 100.0), round(high * 100.0) + 1) / 100.0
-    return angles, PARTICLES["cloud"].phase_function(cosines(angles), float(nm))
+    return angles, DROPS["cloud"].phase_function(cosines(angles), float(nm))
 
 
 @pytest.mark.parametrize("nm", sorted(BOWS))
@@ -80,7 +80,7 @@ def test_alexanders_band_is_dark():
 
 @pytest.mark.parametrize(("nm", "angle"), [(680, 141.7), (550, 141.7), (440, 142.5)])
 def test_the_fogbow(nm, angle):
-    p = PARTICLES["cloud"].phase_function(cosines(WHOLE), float(nm))
+    p = DROPS["cloud"].phase_function(cosines(WHOLE), float(nm))
     assert peak_deg(WHOLE, p, 130.0, 160.0) == pytest.approx(angle, abs=0.5)  # allowed 1.5
     wide = WHOLE[(WHOLE > 130.0) & (WHOLE < 160.0) & (p > 0.5 * p[(WHOLE > 130.0) & (WHOLE < 160.0)].max())]
     assert wide.max() - wide.min() > 5.0  # broad and, nearly, white

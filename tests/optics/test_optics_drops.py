@@ -10,12 +10,12 @@ import pytest
 
 from atmoref.optics import legendre, mie
 from atmoref.optics.drops import Drops, cosines
-from atmoref.optics.particles import PARTICLES
+from atmoref.optics.particles import DROPS
 from atmoref.optics.refraction import air, water
 from atmoref.optics.sizes import Lognormal, ModifiedGamma, OneSize
 
 GRID = cosines(np.arange(1801) / 10.0)
-CLOUD, CUMULUS, RAIN = PARTICLES["cloud"], PARTICLES["cumulus"], PARTICLES["rain"]
+CLOUD, CUMULUS, RAIN = DROPS["cloud"], DROPS["cumulus"], DROPS["rain"]
 
 
 def _moments(sizes, count=4000):
@@ -39,10 +39,10 @@ def test_moments_of_the_cumulus():
     assert cube / square == pytest.approx(6e-6, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", sorted(PARTICLES))
+@pytest.mark.parametrize("name", sorted(DROPS))
 def test_extinction_is_near_the_geometric_limit(name):
     """Q_ext is 2 and (for these sizes) up to 15 % more."""
-    drops = PARTICLES[name]
+    drops = DROPS[name]
     found = drops.cross_sections(550.0, 60)
     r, shares = drops.sizes.radii(60)
     assert 1.0 < found.extinction_m2 / (2.0 * math.pi * math.fsum(shares * r * r)) < 1.15
@@ -54,7 +54,7 @@ def test_extinction_is_near_the_geometric_limit(name):
 @pytest.mark.parametrize("name", ["cloud", "cumulus"])
 def test_the_integral_is_one_by_exact_quadrature(name, nm):
     """Scattering cross-sections come from the coefficients: nothing is normalised by the integral that is checked."""
-    drops = PARTICLES[name]
+    drops = DROPS[name]
     a = drops.legendre(nm, 100)
     found = drops.cross_sections(nm, 100)
     assert a[0] == pytest.approx(1.0, abs=1e-12)  # required 1e-6

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -172,16 +169,6 @@ def test_threads_and_batches_leave_the_bits(monkeypatch):
     assert _digest() == before
     monkeypatch.setattr(mie, "_threads", lambda: 1)
     assert _digest() == before
-
-
-def test_lane_width_and_vector_extensions_leave_the_bits():
-    code = "from optics.test_optics_mie import _digest; print(_digest())"
-    tests = os.path.dirname(os.path.dirname(__file__))
-    environment = os.environ | {"ATMOREF_LANES": "4", "NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}
-    environment["PYTHONPATH"] = os.pathsep.join([tests, os.path.dirname(tests)])
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == _digest()
 
 
 @pytest.mark.parametrize(

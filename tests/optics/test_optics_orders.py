@@ -10,7 +10,7 @@ import pytest
 
 from atmoref.optics import legendre, mie, orders
 from atmoref.optics.drops import cosines
-from atmoref.optics.particles import PARTICLES
+from atmoref.optics.particles import DROPS
 from atmoref.optics.phase_functions import evaluate
 
 GRID = cosines(np.arange(0.0, 180.5, 0.5))
@@ -35,7 +35,7 @@ def _drop() -> np.ndarray:
 
 
 def _cloud(nm: float = 550.0) -> np.ndarray:
-    return PARTICLES["cloud"].legendre(nm)
+    return DROPS["cloud"].legendre(nm)
 
 
 def test_henyey_greenstein_scattered_n_times_is_henyey_greenstein_of_g_to_the_n():
@@ -108,7 +108,7 @@ def test_forward_shares_of_the_cloud():
     assert found[-1] > 0.5
     np.testing.assert_allclose(found[:6], CLOUD_F, atol=2e-3)
     mu, weights = legendre.gauss_nodes(4000)
-    p = PARTICLES["cloud"].phase_function(mu, 550.0)
+    p = DROPS["cloud"].phase_function(mu, 550.0)
     assert found[0] == pytest.approx(2.0 * math.pi * math.fsum((weights * p)[mu > 0.0]), abs=1e-6)
 
 
