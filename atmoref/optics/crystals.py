@@ -24,8 +24,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from atmoref.optics import legendre
 from atmoref.optics.crystal_kernels import DELTA, HIT, LOST, REFLECTED, rays_kernel
 from atmoref.optics.drops import cosines
+from atmoref.optics.orders import Split
 from atmoref.optics.refraction import air, ice
 
 __all__ = ["Crystals", "Traced"]
@@ -57,6 +59,10 @@ class Traced(NamedTuple):
     def whole_delta(self) -> float:
         """The share of the whole phase function in the forward peak: diffraction, and rays not deviated."""
         return 0.5 + 0.5 * self.delta
+
+    def split(self, count: int) -> Split:
+        """Return the whole phase function as peak and Legendre coefficients of the rest, exact for the bins."""
+        return Split(self.whole_delta, legendre.of_bins(self.phase_function, self.edges_deg, count))
 
     @property
     def whole_asymmetry(self) -> float:

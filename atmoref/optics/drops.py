@@ -110,12 +110,12 @@ class Drops:
             For drops so large that the rule would need more than 50,000 nodes.
         """
         _, x, _, _ = self._spheres(wavelength_nm, radii)
-        degree = 2 * int(mie.number_of_terms(x).max())
-        if degree > 50_000:
-            raise ValueError(f"a series of degree {degree} is not summed here: the drops are too large")
-        a = _coefficients(self, wavelength_nm, radii, degree)
-        wanted = degree + 1 if count is None else count
-        return np.concatenate([a[:wanted], np.zeros(max(0, wanted - a.size))])
+        terms = int(mie.number_of_terms(x).max())
+        if terms > 25_000:
+            raise ValueError(f"a series of degree {2 * terms} is not summed here: the drops are too large")
+        kept = 2 * terms + 1 if count is None else min(count, 2 * terms + 1)
+        a = _coefficients(self, wavelength_nm, radii, terms + kept // 2 + 1, kept)
+        return a if count is None else np.concatenate([a, np.zeros(count - kept)])
 
     def phase_function(self, mu: ArrayLike, wavelength_nm: float, radii: int | None = None) -> Floats:
         """Return the phase function (1/sr, integral 1) at scattering cosines of any shape.
@@ -129,8 +129,9 @@ class Drops:
 
 
 @functools.lru_cache(maxsize=32)
-def _coefficients(drops: Drops, wavelength_nm: float, radii: int | None, degree: int) -> Floats:
-    mu, _ = legendre.gauss_nodes(degree + 1)
-    a = legendre.coefficients(drops._at(mu, wavelength_nm, radii), degree + 1)
+def _coefficients(drops: Drops, wavelength_nm: float, radii: int | None, nodes: int, count: int) -> Floats:
+    """Return coefficients by a rule of n + count/2 + 1 nodes: exact for P P_l, whose degree is below 2n + count."""
+    mu, _ = legendre.gauss_nodes(nodes)
+    a = legendre.coefficients(drops._at(mu, wavelength_nm, radii), count)
     a.flags.writeable = False
     return a

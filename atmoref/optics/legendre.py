@@ -17,7 +17,7 @@ from atmoref.elementary import sin
 from atmoref.lanes import N
 from atmoref.optics.legendre_kernels import coefficients_kernel, nodes_kernel, sums_kernel
 
-__all__ = ["MOST_NODES", "coefficients", "gauss_nodes", "series"]
+__all__ = ["MOST_NODES", "coefficients", "gauss_nodes", "of_bins", "of_disc", "series"]
 
 Floats = NDArray[np.float64]
 
@@ -91,6 +91,46 @@ def coefficients(values: ArrayLike, count: int) -> Floats:
     even, odd = _padded(share * (ahead + behind), 0.0), _padded(share * (ahead - behind), 0.0)
     coefficients_kernel(out, room, even, odd, np.empty_like(room), np.empty_like(room))
     return out
+
+
+def of_bins(values: ArrayLike, edges_deg: ArrayLike, count: int) -> Floats:
+    """Return a_0 ... a_{count-1} of a function that is constant between angles, and 0 beyond them; exact.
+
+    Parameters
+    ----------
+    values : (bins,) array, 1/sr
+    edges_deg : (bins + 1,) array
+        Ascending scattering angles, 0 to 180 degrees.
+    count : int
+        How many.
+
+    Notes
+    -----
+    The integral of P_l is (P_{l+1} - P_{l-1}) / (2l+1), here (d_{l+1} + d_l) / (2l+1): nothing cancels for narrow bins
+    at the forward end.
+    """
+    f, edges = np.asarray(values, np.float64), np.asarray(edges_deg, np.float64)
+    ascending = edges.ndim == 1 and f.shape == (edges.size - 1,) and f.size > 0 and bool((np.diff(edges) > 0.0).all())
+    if not ascending or edges[0] < 0.0 or edges[-1] > 180.0 or count < 1:
+        raise ValueError(
+            f"bins need one more ascending edge than values, 0 to 180, and count >= 1, found {edges_deg!r}"
+        )
+    half = np.asarray(sin(edges * (math.pi / 360.0)), np.float64)
+    v = 2.0 * half * half
+    p, d = np.ones_like(v), np.zeros_like(v)
+    out = np.empty(count)
+    for degree in range(count):
+        following = (degree * d - (2.0 * degree + 1.0) * v * p) / (degree + 1.0)
+        whole = (following + d) / (2.0 * degree + 1.0)  # for l = 0 this is mu - 1
+        out[degree] = 2.0 * math.pi * math.fsum(f * (whole[:-1] - whole[1:]))
+        p, d = p + following, following
+    return out
+
+
+def of_disc(radius_deg: float, count: int) -> Floats:
+    """Return a_0 ... of a uniform disc around the forward direction: factors by which the sun softens a_l (0.25)."""
+    half = float(sin(np.float64(radius_deg * (math.pi / 360.0))))
+    return of_bins([1.0 / (4.0 * math.pi * half * half)], [0.0, radius_deg], count)
 
 
 def series(a: ArrayLike, mu: ArrayLike) -> Floats:

@@ -114,7 +114,7 @@ def test_all_coefficients_that_count_are_kept():
     padded = CLOUD.legendre(550.0, 200, 1500)
     assert padded.shape == (1500,)
     np.testing.assert_array_equal(padded[: a.size], a)
-    np.testing.assert_array_equal(CLOUD.legendre(550.0, 200, 10), a[:10])
+    np.testing.assert_allclose(CLOUD.legendre(550.0, 200, 10), a[:10], rtol=0.0, atol=1e-12)  # fewer nodes
 
 
 def test_mirrored_angles_have_mirrored_cosines():

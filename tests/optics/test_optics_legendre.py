@@ -61,7 +61,33 @@ def test_rayleigh_has_two_coefficients():
     np.testing.assert_allclose(legendre.series([1.0, 0.0, 0.1], mu), evaluate(2, 0.0, mu), rtol=1e-15)
 
 
+def test_the_suns_disc_has_the_factors_of_the_sheet():
+    found = legendre.of_disc(0.25, 4001)
+    for degree, factor in ((0, 1.0), (100, 0.976), (500, 0.511), (2000, 0.062), (4000, -0.018)):
+        assert found[degree] == pytest.approx(factor, abs=6e-4)
+    assert np.flatnonzero(found < 0.0)[0] == pytest.approx(878, abs=1)
+    cosine = mpmath.cos(mpmath.radians(0.25))
+    for degree in (1, 500):
+        exact = (mpmath.legendre(degree - 1, cosine) - mpmath.legendre(degree + 1, cosine)) / (
+            (2 * degree + 1) * (1 - cosine)
+        )
+        assert found[degree] == pytest.approx(float(exact), rel=1e-11)
+
+
+def test_bins_have_the_coefficients_of_what_is_constant_in_them():
+    edges = np.linspace(0.0, 180.0, 1801)
+    flat = legendre.of_bins(np.full(1800, 0.25 / math.pi), edges, 40)
+    np.testing.assert_allclose(flat, np.eye(1, 40)[0], atol=1e-13)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    found = legendre.of_bins(evaluate(1, 0.7, np.cos(np.radians(middles))), edges, 30)
+    np.testing.assert_allclose(found, 0.7 ** np.arange(30.0), atol=1e-5)  # the bins' width squared
+
+
 def test_bad_questions_are_refused():
+    with pytest.raises(ValueError, match="ascending"):
+        legendre.of_bins([1.0], [0.0, 0.0], 3)
+    with pytest.raises(ValueError, match="ascending"):
+        legendre.of_bins([1.0, 2.0], [0.0, 1.0], 3)
     with pytest.raises(ValueError, match="nodes"):
         legendre.gauss_nodes(1)
     with pytest.raises(ValueError, match="nodes"):
