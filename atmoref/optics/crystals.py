@@ -110,6 +110,10 @@ class Crystals:
         """
         return self.trace_index(float(ice(wavelength_nm) / air(wavelength_nm)), rays, seed, step_deg)
 
+    def split(self, wavelength_nm: float, count: int) -> Split:
+        """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
+        return self.trace(wavelength_nm, 4_000_000).split(count)
+
     def trace_index(self, index: float, rays: int, seed: int = 1, step_deg: float = 0.1) -> Traced:
         """Return the same for a relative index of refraction above 1."""
         bins = round(180.0 / step_deg)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from atmoref.elementary import cos
 from atmoref.optics import legendre, mie
+from atmoref.optics.orders import Split
 from atmoref.optics.refraction import air, water
 from atmoref.optics.sizes import Sizes
 
@@ -116,6 +117,10 @@ class Drops:
         kept = 2 * terms + 1 if count is None else min(count, 2 * terms + 1)
         a = _coefficients(self, wavelength_nm, radii, terms + kept // 2 + 1, kept)
         return a if count is None else np.concatenate([a, np.zeros(count - kept)])
+
+    def split(self, wavelength_nm: float, count: int) -> Split:
+        """Return no peak, and the first coefficients: what every particle answers; rain's peak needs softening."""
+        return Split(0.0, self.legendre(wavelength_nm, count=count))
 
     def phase_function(self, mu: ArrayLike, wavelength_nm: float, radii: int | None = None) -> Floats:
         """Return the phase function (1/sr, integral 1) at scattering cosines of any shape.

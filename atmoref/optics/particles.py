@@ -1,5 +1,6 @@
 """The particles by name: one file each, one line here."""
 
+from atmoref.optics.air import AIR, Molecules
 from atmoref.optics.cloud import CLOUD
 from atmoref.optics.crystals import Crystals
 from atmoref.optics.cumulus import CUMULUS
@@ -12,5 +13,5 @@ __all__ = ["DROPS", "PARTICLES"]
 
 DROPS: dict[str, Drops] = {"cloud": CLOUD, "cumulus": CUMULUS, "rain": RAIN}
 """Name -> water drops."""
-PARTICLES: dict[str, Drops | Crystals] = {**DROPS, "ice": ICE, "snow": SNOW}
-"""Name -> what it does to light."""
+PARTICLES: dict[str, Molecules | Drops | Crystals] = {"air": AIR, **DROPS, "ice": ICE, "snow": SNOW}
+"""Name -> what it does to light; all have `extinction_m2` and `split`."""

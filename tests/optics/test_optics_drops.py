@@ -104,8 +104,8 @@ def test_the_rain_converges_with_the_number_of_radii():
     mu = cosines(np.arange(100.0, 180.0, 0.25))
     reference = RAIN.phase_function(mu, 550.0, 2400)
     rms = [_distance(RAIN, n, reference, mu)[0] for n in (75, 150, 300, 600)]
-    print("rain, rms against 2400 radii:", rms)
     assert rms == sorted(rms, reverse=True)
+    assert rms[2] < 0.035  # measured 5.3, 3.6, 2.7, 1.9 %: the square root of the number
 
 
 def test_all_coefficients_that_count_are_kept():
