@@ -17,7 +17,7 @@ from atmoref.elementary import sin
 from atmoref.lanes import N
 from atmoref.optics.legendre_kernels import coefficients_kernel, nodes_kernel, sums_kernel
 
-__all__ = ["MOST_NODES", "coefficients", "gauss_nodes", "of_bins", "of_disc", "series"]
+__all__ = ["MOST_NODES", "coefficients", "gauss_nodes", "of_bins", "of_disc", "of_points", "series"]
 
 Floats = NDArray[np.float64]
 
@@ -90,6 +90,19 @@ def coefficients(values: ArrayLike, count: int) -> Floats:
     out, room = np.empty(count), _padded(v, 0.5)
     even, odd = _padded(share * (ahead + behind), 0.0), _padded(share * (ahead - behind), 0.0)
     coefficients_kernel(out, room, even, odd, np.empty_like(room), np.empty_like(room))
+    return out
+
+
+def of_points(weighted: ArrayLike, mu: ArrayLike, count: int) -> Floats:
+    """Return 2 pi times the sum over points of weighted values times P_l(mu), l < count: coefficients by any rule."""
+    f, cosines = np.asarray(weighted, np.float64).ravel(), np.asarray(mu, np.float64).ravel()
+    if f.shape != cosines.shape or count < 1:
+        raise ValueError(
+            f"as many values as cosines and a count >= 1 are needed, found {f.size}, {cosines.size}, {count}"
+        )
+    room, share = _padded(1.0 - cosines, 0.5), _padded(2.0 * math.pi * f, 0.0)
+    out = np.empty(count)
+    coefficients_kernel(out, room, share, share, np.empty_like(room), np.empty_like(room))
     return out
 
 
