@@ -1,7 +1,7 @@
 """Where theory puts bows, halos and coronas, and where a tabulated phase function has them.
 
-Angles are scattering angles in degrees: 0 towards the sun, 180 at the antisolar point.  For reports and tests; nothing
-here feeds a table, so the standard library's functions serve.
+Angles are scattering angles in degrees: 0 towards the sun, 180 at the antisolar point.  For reports and tests: but for
+`between` nothing here feeds a table, so the standard library's functions serve.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["bow_deg", "dark_rings_deg", "halo_deg", "lowest_deg", "peak_deg", "turning_points_deg"]
+from atmoref.elementary import atan2
+
+__all__ = ["between", "bow_deg", "dark_rings_deg", "halo_deg", "lowest_deg", "peak_deg", "turning_points_deg"]
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +42,20 @@ def dark_rings_deg(radius_m: float, wavelength_nm: float) -> tuple[float, float,
     x = 2.0 * math.pi * radius_m / (wavelength_nm * 1e-9)
     first, second, third = (math.degrees(math.asin(zero / x)) for zero in _DARK)
     return first, second, third
+
+
+def between(a: ArrayLike, b: ArrayLike) -> NDArray[np.floating]:
+    """Return the angles (radians, 0 to pi) between vectors (..., 3), in their precision: atan2(|a x b|, a . b).
+
+    In float32 the error is below 2e-7 near 0 and 180 degrees; acos(a . b) of unit vectors is 5e-4 off there, which is
+    0.03 degrees.
+    """
+    p, q = np.asarray(a), np.asarray(b)
+    cross = [p[..., i] * q[..., j] - p[..., j] * q[..., i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    sine = np.sqrt(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])
+    cosine = p[..., 0] * q[..., 0] + p[..., 1] * q[..., 1] + p[..., 2] * q[..., 2]
+    angle: NDArray[np.floating] = np.asarray(atan2(sine, cosine))
+    return angle
 
 
 def _window(angles_deg: ArrayLike, values: ArrayLike, low_deg: float, high_deg: float) -> tuple[Floats, Floats]:

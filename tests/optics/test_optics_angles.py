@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from atmoref.optics import mie
-from atmoref.optics.angles import bow_deg, dark_rings_deg, halo_deg, lowest_deg, peak_deg, turning_points_deg
+from atmoref.optics.angles import between, bow_deg, dark_rings_deg, halo_deg, lowest_deg, peak_deg, turning_points_deg
 from atmoref.optics.drops import Drops, cosines
 from atmoref.optics.particles import DROPS
 from atmoref.optics.refraction import ice, water
@@ -165,3 +165,23 @@ def test_measuring_finds_what_is_there():
     assert halo_deg(1.31, 60.0) == pytest.approx(2.0 * math.degrees(math.asin(0.655)) - 60.0)
     with pytest.raises(ValueError, match="fewer than 3"):
         peak_deg(angles, wave, 200.0, 210.0)
+
+
+@pytest.mark.parametrize("centre", [0.0, math.pi])
+def test_angles_in_float32_near_forward_and_backward(centre):
+    """Against float64 of the same float32 vectors: measured 1.6e-7 with atan2, 4.9e-4 with acos of the product."""
+    rng = np.random.default_rng(5)
+    p = rng.normal(size=(20_000, 3))
+    p /= np.linalg.norm(p, axis=1)[:, None]
+    aside = np.cross(p, rng.normal(size=p.shape))
+    aside /= np.linalg.norm(aside, axis=1)[:, None]
+    offset = 10.0 ** rng.uniform(-6.0, -0.5, len(p))[:, None]
+    q = math.cos(centre) * (p * np.cos(offset) + aside * np.sin(offset))
+    p32, q32 = p.astype(np.float32), q.astype(np.float32)
+    exact = between(p32.astype(np.float64), q32.astype(np.float64))
+    found = between(p32, q32)
+    assert found.dtype == np.float32
+    stable = np.abs(found - exact).max()
+    naive = np.abs(np.arccos(np.clip((p32 * q32).sum(-1, dtype=np.float32), -1.0, 1.0)) - exact).max()
+    assert stable < 3e-7
+    assert naive > 2e-4
