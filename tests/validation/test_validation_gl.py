@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import shutil
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import atmoref.scene
+from atmoref.scene import load_scene
+from atmoref.scene.emit import to_toml
 from validation.gl.agreement import agreement, attributes, stages, steps, whole
 from validation.gl.case import FORMATS, Unsupported, load
 from validation.gl.clock import planes
@@ -25,6 +30,7 @@ except Exception as failure:  # no moderngl, no EGL, no driver: each has excepti
 needs_device = pytest.mark.skipif(CONTEXT is None, reason=MISSING)
 
 SMALL = ("image.width=60", "image.height=90")
+BUNDLED = Path(atmoref.scene.__file__).parent / "bundled"
 LLVMPIPE = CONTEXT is not None and "llvmpipe" in CONTEXT.info["GL_RENDERER"]
 known_device = pytest.mark.skipif(CONTEXT is not None and not LLVMPIPE, reason="the rules are those of llvmpipe")
 ENOUGH = 0.999  # of the pixels, equal in every bit; measured 1.0 for coordinates per pixel
@@ -139,8 +145,31 @@ def test_what_has_no_shader_is_refused() -> None:
         load("quick", (*SMALL, "technique.visibility=exact"))
     with pytest.raises(Unsupported, match="frame"):
         load("quick", (*SMALL, "buffers.format=unorm12"))
-    with pytest.raises(Unsupported, match="not the sun"):
-        load("fig9b", SMALL)
+    with pytest.raises(Unsupported, match="not triangles"):
+        load("fig10a_shafts", SMALL)
+
+
+@needs_device
+@known_device
+@pytest.mark.parametrize("technique", ["beams", "beams_vertex"])
+@pytest.mark.parametrize("change", ["window", "no window", "from below"])
+def test_the_sun_is_drawn_in_every_bit(tmp_path: Path, change: str, technique: str) -> None:
+    """Through stained glass, everywhere, and from under the ground, which has no end and keeps it out."""
+    mapping = load_scene("fig9b").to_mapping()
+    planes = {"interval_m": 3.0} if technique == "beams" else {"planes": 9}
+    mapping["technique"] = {"name": technique, "preset": "corrected", "mesh": [5, 7], **planes}
+    mapping["medium"]["ambient_radiance"] = 0.02
+    sun = mapping["lights"][0]
+    shutil.copy(BUNDLED / "fig9b_window.png", tmp_path)
+    if change != "window":
+        mapping["lights"] = [{k: v for k, v in sun.items() if k != "window"} | {"irradiance_w_per_m2": 8.0}]
+    if change == "from below":
+        mapping["lights"][0]["direction"] = [0.2, 0.5, 0.8]
+    path = tmp_path / "sun.toml"
+    path.write_text(to_toml(mapping))
+    for more in (("buffers.format=unorm8",), ("buffers.format=float32",), ("technique.coordinates=vertex",)):
+        same, _ = every_stage(str(path), "image.height=40", *more)
+        assert {f.fraction for f in same} == {1.0}, more
 
 
 @needs_device

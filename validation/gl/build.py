@@ -204,12 +204,16 @@ class LightOnDevice:
                 fmt = case.setting.formats["q" if key.startswith("q") else key].name
                 self.maps[name] = owner.texture(texels, fmt, 1 if texels.shape[2] == 1 else 4)
         self.mesh = MeshOnDevice(owner.ctx, self.given) if self.uniforms.slab_switches.vertex else None
-        self.rectangles = pyramid_rectangles(self.uniforms, self.draws.z, case.size) if owner.scissor else None
+        self.rectangles = None
+        if owner.scissor and not self.uniforms.switches.parallel:
+            self.rectangles = pyramid_rectangles(self.uniforms, self.draws.z, case.size)
 
     def _switches(self) -> dict[str, int]:
         slab = self.uniforms.slab_switches
         vertex = 2 * slab.vertex if self.owner.mesh_in_shader else slab.vertex
         return {
+            "PARALLEL": self.uniforms.switches.parallel, "UNBOUNDED": self.uniforms.switches.unbounded,
+            "LIGHT_GROUNDS": len(self.given["spot"].solids.grounds),
             "GREY_LIGHT": self.uniforms.switches.grey_light, "GREY_FOG": slab.grey, "PHASE": slab.phase,
             "COSINE": int(slab.dt_mode != DT_PAPER), "VERTEX": vertex, "Q_REST": slab.rest,
             "MESH_X": slab.mesh_x, "MESH_Y": slab.mesh_y,
@@ -220,6 +224,9 @@ class LightOnDevice:
         switches = {**self._switches(), **(more or {})}
         program = self.owner.program("mesh.vert" if mesh else "fullscreen.vert", fragment, switches)
         programs.put_all(program, self.uniforms._asdict(), ("camera", "spot", "slab"))
+        solids = self.given["spot"].solids
+        programs.put_array(program, "light_grounds", solids.grounds)
+        programs.put_array(program, "light_ground_ids", solids.ground_ids, "i4")
         textures = {"shadow_map": self.shadow, **self.maps}
         if self.owner.fast is not None:
             textures["fast_map"] = self.owner.fast.color_attachments[0]
@@ -234,7 +241,8 @@ class LightOnDevice:
         """Draw the scene's depth as the light sees it."""
         given = inputs(self.light.shadow)
         solids = self.given["spot"].solids
-        program = self.owner.program("fullscreen.vert", "shadow_map.frag", programs.solid_counts(solids))
+        switches = {**programs.solid_counts(solids), "PARALLEL": self.uniforms.switches.parallel}
+        program = self.owner.program("fullscreen.vert", "shadow_map.frag", switches)
         programs.put(program, "shadow", given["uniforms"])
         programs.put_solids(program, solids)
         self.owner.aim(self.shadow_target, test=False, blend=False)

@@ -120,8 +120,6 @@ def _case(technique: str, setting: Setting, bank: Bank, by_name: dict[str, Pass]
     scene = setting.scene
     if any(scene.triangles(i) is not None for i in range(len(scene.objects))):
         raise Unsupported(f"{scene.origin}: the OpenGL build draws spheres, boxes and grounds, not triangles")
-    if any(light.type == "sun" for light in scene.lights):
-        raise Unsupported(f"{scene.origin}: the OpenGL build draws spotlights and projectors, not the sun")
     lights = []
     for i in range(len(scene.lights)):
         prefix = f"light_{i}"

@@ -42,7 +42,7 @@ def mesh_attributes(given: Mapping[str, Any]) -> tuple[NDArray[np.float32], NDAr
     channels = 1 if switches.grey else 3
     colours = np.asarray(colours).reshape(channels, -1, vertices).astype(np.float32)
     colours = np.moveaxis(np.broadcast_to(colours, (3, *colours.shape[1:])), 0, -1)
-    if mesh is None:
+    if mesh is None or switches.parallel:  # no reads of a q table
         return np.zeros((*colours.shape[:2], 2), np.float32), np.ascontiguousarray(colours)
     u = np.asarray(mesh.u).reshape(-1, vertices)
     uv = np.stack([u, np.broadcast_to(mesh.v, u.shape)], -1).astype(np.float32)

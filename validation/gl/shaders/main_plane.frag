@@ -5,6 +5,8 @@
 #include "camera.glsl"
 #include "slab.glsl"
 #include "elementary.glsl"
+#include "phase_function.glsl"
+#include "sunlight.glsl"
 
 uniform sampler2D q_map;
 uniform sampler2D q_rest;
@@ -38,6 +40,9 @@ void main() {
     c = mesh_colour;
 #else
     Ray ray = camera_ray(gl_FragCoord.xy);
+#if PARALLEL
+    precise float t = ray.span * plane_z;
+#else
     precise float cx = ray.ex * slab.cross_ax + ray.ey * slab.cross_bx + slab.cross_cx;
     precise float cy = ray.ex * slab.cross_ay + ray.ey * slab.cross_by + slab.cross_cy;
     precise float cz = ray.ex * slab.cross_az + ray.ey * slab.cross_bz + slab.cross_cz;
@@ -45,15 +50,21 @@ void main() {
     precise float along = (ray.dx * slab.from_x + ray.dy * slab.from_y + ray.dz * slab.from_z) / ray.span;
     precise float t = ray.span * plane_z;
     u = along + t;
+#endif
     c = vec3(mirror_exp(t * slab.sigma_r * -1.0));
 #if !GREY_FOG
     c.g = mirror_exp(t * slab.sigma_g * -1.0);
     c.b = mirror_exp(t * slab.sigma_b * -1.0);
 #endif
-#if COSINE
+#if PARALLEL
+    c = c * sunlight(ray);
+#elif COSINE
     c = c * ray.span;
 #endif
 #endif
+#if PARALLEL
+    precise vec3 slow = c;
+#else
     precise float su = clamp(u * slab.scale_u + slab.offset_u, 0.0, 1.0);
     precise float sv = clamp(v * slab.scale_v + slab.offset_v, 0.0, 1.0);
 #if GREY_FOG
@@ -68,5 +79,6 @@ void main() {
 #endif
 #endif
     precise vec3 slow = c * q;
+#endif
     colour = vec4(slow * fast, 0.0);
 }

@@ -20,11 +20,19 @@ void main() {
         discard;
     }
     precise float z = hit.t;
-    precise vec3 lit = illuminate(light_ray(ray), z);
+    precise vec3 lit = illuminate(ray, light_ray(ray), z, hit.id);
     precise float x = ray.dx * z + spot.from_x;
     precise float y = ray.dy * z + spot.from_y;
     precise float w = ray.dz * z + spot.from_z;
     precise float distance_m = max(sqrt(x * x + y * y + w * w), 1e-6);
+    precise float path = distance_m;
+#if PARALLEL
+    x = spot.axis_x;  // E_0 arrives as it is (D-E13)
+    y = spot.axis_y;
+    w = spot.axis_z;
+    distance_m = 1.0;
+    path = 0.0;
+#endif
     precise float facing = (hit.n.x * x + hit.n.y * y + hit.n.z * w) / distance_m * -1.0;
     if (!(facing > 0.0)) {
         discard;
@@ -35,9 +43,9 @@ void main() {
     fog.g = mirror_exp(t * surface.sigma_g * -1.0);
     fog.b = mirror_exp(t * surface.sigma_b * -1.0);
     precise vec3 reach;
-    reach.r = mirror_exp(distance_m * surface.sigma_r * -1.0);
-    reach.g = mirror_exp(distance_m * surface.sigma_g * -1.0);
-    reach.b = mirror_exp(distance_m * surface.sigma_b * -1.0);
+    reach.r = mirror_exp(path * surface.sigma_r * -1.0);
+    reach.g = mirror_exp(path * surface.sigma_g * -1.0);
+    reach.b = mirror_exp(path * surface.sigma_b * -1.0);
 #if PRINTED_FOG
     precise float mu = (ray.dx * x + ray.dy * y + ray.dz * w) / (distance_m * ray.span) * -1.0;
     precise float peak = phase_function(surface.g, mu) / (distance_m * distance_m);

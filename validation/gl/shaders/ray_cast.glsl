@@ -29,7 +29,7 @@ struct Hit {
 float first_ahead(float enter, float leave) { return enter > 0.0 ? enter : leave; }
 
 #if SPHERES
-bool sphere_roots(vec4 s, vec3 d, out float enter, out float leave) {
+bool sphere_roots(vec4 s, vec3 d, out float enter, out float leave) {  // relative to where the ray starts
     precise float along = s.x * d.x + s.y * d.y + s.z * d.z;
     precise float cx = s.y * d.z - s.z * d.y;
     precise float cy = s.z * d.x - s.x * d.z;
@@ -57,12 +57,12 @@ void box_slab(float low, float high, float d, out float enter, out float leave) 
 float outward(bool test, float d) { return test ? (d > 0.0 ? -1.0 : 1.0) : 0.0; }
 #endif
 
-Hit nearest_hit(vec3 d) {
+Hit nearest_hit_from(vec3 start, vec3 d) {
     precise Hit hit = Hit(FAR, -1, vec3(0.0));
 #if SPHERES
     for (int i = 0; i < SPHERES; i++) {
         precise float enter, leave;
-        bool meets = sphere_roots(spheres[i], d, enter, leave);
+        bool meets = sphere_roots(vec4(spheres[i].xyz - start, spheres[i].w), d, enter, leave);
         precise float s = first_ahead(enter, leave);
         if (meets && s > 0.0 && s < hit.t) {
             hit.t = s;
@@ -74,9 +74,9 @@ Hit nearest_hit(vec3 d) {
 #if BOXES
     for (int i = 0; i < BOXES; i++) {
         precise float x0, x1, y0, y1, z0, z1;
-        box_slab(box_lows[i].x, box_highs[i].x, d.x, x0, x1);
-        box_slab(box_lows[i].y, box_highs[i].y, d.y, y0, y1);
-        box_slab(box_lows[i].z, box_highs[i].z, d.z, z0, z1);
+        box_slab(box_lows[i].x - start.x, box_highs[i].x - start.x, d.x, x0, x1);
+        box_slab(box_lows[i].y - start.y, box_highs[i].y - start.y, d.y, y0, y1);
+        box_slab(box_lows[i].z - start.z, box_highs[i].z - start.z, d.z, z0, z1);
         precise float enter = max(max(x0, y0), z0);
         precise float leave = min(min(x1, y1), z1);
         precise float s = first_ahead(enter, leave);
@@ -92,7 +92,7 @@ Hit nearest_hit(vec3 d) {
 #if GROUNDS
     for (int i = 0; i < GROUNDS; i++) {
         bool parallel = d.y < 1e-20 && d.y > -1e-20;
-        precise float s = parallel ? FAR : grounds[i] / d.y;
+        precise float s = parallel ? FAR : (grounds[i] - start.y) / d.y;
         if (s > 0.0 && s < hit.t) {
             hit.t = s;
             hit.id = ground_ids[i];
@@ -102,3 +102,5 @@ Hit nearest_hit(vec3 d) {
 #endif
     return hit;
 }
+
+Hit nearest_hit(vec3 d) { return nearest_hit_from(vec3(0.0), d); }  // differences to 0 cost nothing

@@ -8,6 +8,7 @@ struct Slab {
     float scale_u, offset_u, scale_v, offset_v;  // texture coordinate of the q table = scale x + offset
     float range, rest;                    // what 1 means in the table, and in the table of the rest
     float from_x, from_y, from_z;         // eye - light
+    float axis_x, axis_y, axis_z;         // of the sun
     float cross_ax, cross_ay, cross_az, cross_bx, cross_by, cross_bz, cross_cx, cross_cy, cross_cz;
     float cells_x, cells_y;               // mesh cells per pixel
     float cell_x, cell_y;                 // mesh coordinate of the left and lower edge

@@ -11,6 +11,7 @@ uniform float share;
 precise out vec4 colour;
 
 void main() {
-    precise vec3 lit = illuminate(light_ray(camera_ray(gl_FragCoord.xy)), plane_z);
+    Ray ray = camera_ray(gl_FragCoord.xy);
+    precise vec3 lit = illuminate(ray, light_ray(ray), plane_z, -1);
     colour = vec4(lit * share, 0.0);
 }

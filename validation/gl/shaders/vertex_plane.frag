@@ -21,7 +21,7 @@ precise out vec4 colour;
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
-    precise vec3 lit = illuminate(light_ray(ray), plane_z);
+    precise vec3 lit = illuminate(ray, light_ray(ray), plane_z, -1);
     precise vec3 source;
 #if VERTEX == 2
     vec2 mesh_uv;
@@ -36,11 +36,16 @@ void main() {
     precise float w = ray.dz * plane_z + slab.from_z;
     precise float distance_m = max(sqrt(x * x + y * y + w * w), 1e-6);
     precise float mu = (ray.dx * x + ray.dy * y + ray.dz * w) / (distance_m * ray.span) * -1.0;
+    precise float path = distance_m + plane_z * ray.span;
+#if PARALLEL  // neither 1 / s^2 nor a way from the light (D-E13)
+    mu = (ray.dx * slab.axis_x + ray.dy * slab.axis_y + ray.dz * slab.axis_z) / ray.span * -1.0;
+    distance_m = 1.0;
+    path = plane_z * ray.span;
+#endif
     precise float dt = slab.dt;
 #if COSINE
     dt = dt * ray.span;
 #endif
-    precise float path = distance_m + plane_z * ray.span;
     precise float part = phase_function(slab.g, mu * slab.cosine) / (distance_m * distance_m) * dt;
     source = vec3(slab.source_r * part * mirror_exp(path * slab.sigma_r * -1.0));
 #if !GREY_FOG
