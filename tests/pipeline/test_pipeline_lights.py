@@ -78,10 +78,6 @@ ADVERSE: dict[str, dict[str, Any]] = {
         "direction": [1.0, 0.0, 0.0],
         "window": {"center_m": [-9.0, 12.0, -8.0], "across_m": [0.0, 0.0, 12.0], "up_m": [0.0, 9.0, 0.0]},
     },
-    "grazing its window": {
-        "direction": [1.0, 0.0, 0.02],
-        "window": {"center_m": [0.0, 12.0, -8.0], "across_m": [9.0, 0.0, 0.0], "up_m": [0.0, 6.0, 0.0]},
-    },
     "a slit": {"direction": [0.2, -1.0, 0.3], "window": {**WINDOW, "across_m": [1.0, 0.0, 0.0]}},
     "grazing the ground": {"direction": [1.0, -1e-4, 1e-4]},
     "along the view, everywhere": {"direction": [0.0, 0.0, 1.0]},
