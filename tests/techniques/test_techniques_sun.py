@@ -47,7 +47,7 @@ def test_refined_planes_tend_to_the_truth(tmp_path: Path, light: str) -> None:
 
 @pytest.mark.parametrize("direction", [[0.2, -1.0, 0.3], [0.0, 0.0, 1.0], [0.0, 0.1, -1.0], [1.0, 0.0, 0.0]])
 def test_the_suns_share_of_slabs_telescopes(direction: list[float]) -> None:
-    """D-E13: without objects the sum over slabs is one integral, however many there are."""
+    """D-E13: without objects the sum over slabs is one integral: three slabs give what 48 give."""
     sun = {**SUN, "direction": direction}
     few, many = (lit(sun, technique={"interval_m": i, "base_distance_m": 30.0}) for i in (10.0, 0.625))
     np.testing.assert_allclose(few, many, rtol=1e-12)
@@ -55,7 +55,7 @@ def test_the_suns_share_of_slabs_telescopes(direction: list[float]) -> None:
 
 
 def test_lights_add() -> None:
-    """M-9: two suns and a slide are the sum of each alone; twice the light is twice the picture."""
+    """M-9: two suns are the sum of each alone; twice the light is twice the picture."""
     other = {**SUN, "direction": [-0.4, -0.3, 0.1], "irradiance_w_per_m2": [5.0, 9.0, 2.0], "window": OPENING}
     keys = {"i_max": 1.0}
     apart = [lit(light, technique=keys) for light in (SUN, other)]
