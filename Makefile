@@ -68,8 +68,8 @@ validate: $(DEVELOP) docs
 	$(BIN)/python -m pytest -W error -m slow -q
 
 bench: $(DEVELOP)
-	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
 	$(BIN)/python validation/bench.py -o out/bench
+	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
 
 # Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless; a browser in which the
 # reports are opened; an independent reader of KTX2 files under Node.
