@@ -104,7 +104,7 @@ def working(title: str) -> Iterator[Waiting]:
                 if not _told.is_set():
                     _told.set()
                     waiting.note(
-                        "compiling kernels for this machine: less than a minute, the first time only "
+                        "compiling kernels for this machine: a minute or two, the first time only "
                         f"(they are kept in {CACHE_DIRECTORY})"
                     )
 

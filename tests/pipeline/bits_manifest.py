@@ -37,8 +37,6 @@ def small(name: str, code_class: str, *overrides: str) -> Any:
     fmt, arithmetic = code_class.split("/")
     width, height = SCENES[name]
     preset = ["technique.preset=analysis"] if fmt == "float64" else []
-    if preset and name == "fig10a_shafts":  # triangles in the light of a sun have shadow maps only
-        preset.append("technique.visibility=shadow_map")
     return load_scene(
         name,
         [

@@ -11,6 +11,7 @@ import pytest
 from atmoref.judge.check import check
 from atmoref.scene import load_scene
 from validation.gl.case import DEVICE, FORMATS, load
+from validation.gl.programs import SHADERS
 
 try:
     BUILD: Any = importlib.import_module("validation.gl.build")
@@ -74,6 +75,14 @@ def test_a_mutant_is_caught_and_named(name: str) -> None:
     assert found.caught
     assert found.stage_right
     assert found.kind_right, found.told
+
+
+def test_every_patch_of_a_mutant_finds_its_place() -> None:
+    """Mutants are texts replaced in the shaders: who edits a shader sees here which mutants go with it."""
+    mutants = importlib.import_module("validation.mutants.variants").MUTANTS
+    shaders = "\n".join(path.read_text(encoding="utf-8") for path in SHADERS.iterdir())
+    lost = [(one.name, old) for one in mutants for old, _ in one.patches if old not in shaders]
+    assert lost == []
 
 
 @pytest.mark.slow

@@ -51,12 +51,15 @@ vec3 illuminate(Ray ray, LightRay light, float z, int own) {
     precise float reference = spot.depth_a - (spot.depth_b + spot.bias * iw) * iw;
 #endif
     bool on_map = u >= 0.0 && u <= 1.0 && v >= 0.0 && v <= 1.0;
-#if !UNBOUNDED
+#if UNBOUNDED
+    u = clamp(u, 0.0, 1.0);
+    v = clamp(v, 0.0, 1.0);
+#else
     if (!(on_map && w >= spot.least_w)) {
         DARK;
     }
 #endif
-    precise float visible = textureLod(shadow_map, vec3(clamp(u, 0.0, 1.0), clamp(v, 0.0, 1.0), reference), 0.0);
+    precise float visible = textureLod(shadow_map, vec3(u, v, reference), 0.0);
 #if UNBOUNDED
     visible = on_map ? visible : 1.0;
 #if LIGHT_GROUNDS
@@ -67,8 +70,6 @@ vec3 illuminate(Ray ray, LightRay light, float z, int own) {
         }
     }
 #endif
-    u = clamp(u, 0.0, 1.0);
-    v = clamp(v, 0.0, 1.0);
 #endif
     if (visible <= 0.0) {
         DARK;
