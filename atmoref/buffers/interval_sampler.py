@@ -311,6 +311,20 @@ def _is_interval(arith: Any) -> bool:
     return is_tag(arith, Interval)
 
 
+@overload(sampler.usual_maps)
+def _usual_maps(arith: Any, shadow: Any, light: Any) -> Any:
+    if not is_tag(arith, Interval):
+        return None
+    return lambda arith, shadow, light: False
+
+
+@overload(sampler.as_usual)
+def _as_usual(arith: Any, tex: Any) -> Any:
+    if not is_tag(arith, Interval):
+        return None
+    return lambda arith, tex: tex
+
+
 @overload(sampler.nearest)
 def _nearest(arith: Any, tex: Any, channel: Any, u: Any, v: Any) -> Any:
     if not _is_interval(arith):

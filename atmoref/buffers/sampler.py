@@ -31,11 +31,14 @@ from atmoref.buffers.formats import Format, decode_as, encode
 from atmoref.lanes import (
     F32,
     Interval,
+    add_to_exact,
     compiled_only,
     floor,
     fma,
     gather,
+    gather_near,
     gather_pair,
+    gather_pair_near,
     is_tag,
     lerp_bytes,
     lift,
@@ -196,6 +199,22 @@ def for_lanes(code: Any) -> Any:
     return function
 
 
+# ---- the usual case
+@for_lanes
+def usual_maps(arith, shadow, light):
+    """Return whether references are clamped and the light map has 8 bits, filtered in floats."""
+    return shadow.clamp_reference and light.quads and light.mode == EXACT
+
+
+@for_lanes
+def as_usual(arith, tex):
+    """Return one of `usual_maps` with its choices as constants, so that a loop's compiler sees one way only."""
+    return Texture(
+        tex.data, tex.packed, tex.width, tex.height, tex.depth, tex.row, tex.slab, tex.plane,
+        EXACT, tex.pcf, True, tex.inverse, tex.inverse_rest, True,
+    )  # fmt: skip
+
+
 # ---- coordinates
 @device
 def project(x, y, w):
@@ -264,7 +283,7 @@ def byte_value(tex: Any, x: Any) -> Any:
 @overload(byte_value)
 def _byte_value(tex: Any, x: Any) -> Any:
     if x == F32:
-        return lambda tex, x: x * tex.inverse + x * tex.inverse_rest
+        return lambda tex, x: add_to_exact(x, tex.inverse, x * tex.inverse_rest)  # exact by `decode_factors`
     return lambda tex, x: x / 255.0
 
 
@@ -338,7 +357,7 @@ def bilinear_pair(arith, tex, channel, a, b):
         index_a, x_a, y_a = footprint(tex, a[0], a[1])
         index_b, x_b, y_b = footprint(tex, b[0], b[1])
         plane = channel * tex.plane
-        word_a, word_b = gather(tex.packed, index_a + plane), gather(tex.packed, index_b + plane)
+        word_a, word_b = gather_near(tex.packed, index_a + plane), gather_near(tex.packed, index_b + plane)
         codes_a, codes_b = codes_of_word(arith, tex, word_a), codes_of_word(arith, tex, word_b)
         if tex.mode == FUSED:
             return fused_quad(x_a, y_a, *codes_a), fused_quad(x_b, y_b, *codes_b)
@@ -389,8 +408,16 @@ def bilinear3_pair(arith, tex, a, b):
         at, x_a, y_a = footprint(tex, a[0], a[1])
         to, x_b, y_b = footprint(tex, b[0], b[1])
         second, third = tex.plane, 2 * tex.plane
-        words_a = (gather(tex.packed, at), gather(tex.packed, at + second), gather(tex.packed, at + third))
-        words_b = (gather(tex.packed, to), gather(tex.packed, to + second), gather(tex.packed, to + third))
+        words_a = (
+            gather_near(tex.packed, at),
+            gather_near(tex.packed, at + second),
+            gather_near(tex.packed, at + third),
+        )
+        words_b = (
+            gather_near(tex.packed, to),
+            gather_near(tex.packed, to + second),
+            gather_near(tex.packed, to + third),
+        )
         return three_quads(arith, tex, x_a, y_a, words_a), three_quads(arith, tex, x_b, y_b, words_b)
     return bilinear3(arith, tex, a[0], a[1]), bilinear3(arith, tex, b[0], b[1])
 
@@ -431,8 +458,8 @@ def shadow_compare(arith, tex, u, v, reference):
     if not tex.pcf:
         return select(reference <= nearest(arith, tex, 0, u, v), one, 0.0)
     index, wx, wy = footprint(tex, u, v)
-    a, b = lift(arith, gather_pair(tex.data, index))
-    c, d = lift(arith, gather_pair(tex.data, index + tex.row))
+    a, b = lift(arith, gather_pair_near(tex.data, index))
+    c, d = lift(arith, gather_pair_near(tex.data, index + tex.row))
     below_a, below_b = select(reference <= a, one, 0.0), select(reference <= b, one, 0.0)
     return lerp_quad(tex, wx, wy, below_a, below_b, select(reference <= c, one, 0.0), select(reference <= d, one, 0.0))
 
@@ -444,7 +471,7 @@ def shadow_pair(arith, tex, a, b, reference_a, reference_b):
         first = shadow_compare(arith, tex, a[0], a[1], reference_a)
         return first, shadow_compare(arith, tex, b[0], b[1], reference_b)
     index_a, index_b = texel(tex, a[0], a[1]), texel(tex, b[0], b[1])
-    depth_a, depth_b = lift(arith, gather(tex.data, index_a)), lift(arith, gather(tex.data, index_b))
+    depth_a, depth_b = lift(arith, gather_near(tex.data, index_a)), lift(arith, gather_near(tex.data, index_b))
     one = lift(arith, 1.0)
     first = select(shadow_reference(tex, reference_a) <= depth_a, one, 0.0)
     return first, select(shadow_reference(tex, reference_b) <= depth_b, one, 0.0)

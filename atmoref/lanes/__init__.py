@@ -28,6 +28,7 @@ from atmoref.lanes.arith import (
 )
 from atmoref.lanes.functions import atan2, cos, exp, log, sin, tan
 from atmoref.lanes.instructions import (
+    add_to_exact,
     convert,
     copy_sign,
     exponent,
@@ -46,7 +47,7 @@ from atmoref.lanes.instructions import (
 )
 from atmoref.lanes.interval_functions import Interval, apart, barycentric, nominal, possible, unchanged, whole
 from atmoref.lanes.intervals import INTERVAL, RANGE, TRI, pair
-from atmoref.lanes.memory import gather, gather_pair, load, store
+from atmoref.lanes.memory import gather, gather_near, gather_pair, gather_pair_near, load, store
 from atmoref.lanes.registers import F32, F64, I32, MASK, Lane, N, compiled_only, is_lane, is_real, overload
 
 __all__ = [
@@ -63,6 +64,7 @@ __all__ = [
     "N",
     "Single",
     "absolute",
+    "add_to_exact",
     "all_lanes",
     "any_lane",
     "apart",
@@ -80,7 +82,9 @@ __all__ = [
     "fma",
     "from_int",
     "gather",
+    "gather_near",
     "gather_pair",
+    "gather_pair_near",
     "iota",
     "is_lane",
     "is_real",

@@ -315,6 +315,20 @@ def fma(typing: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 @instruction
+def add_to_exact(typing: Any, x: Any, y: Any, z: Any) -> Any:
+    """Return x y + z where x y is exact: fused where the processor can, with the same bits where it cannot."""
+    lane = common(x, y, z)
+    if lane is None or not is_real(lane):
+        return None
+
+    def emit(ctx: Any, b: Any, sig: Any, args: Any) -> Any:
+        first, second, third = spread(b, sig, args)
+        return b.fadd(b.fmul(first, second, flags=("contract",)), third, flags=("contract",))
+
+    return lane(*weak(lane, x, y, z)), emit
+
+
+@instruction
 def shift_right(typing: Any, x: Any, k: Any) -> Any:
     """Shift an int32 lane right by k bits, 0 <= k < 32, filling with zeros."""
     lane = common(x, k)

@@ -24,6 +24,7 @@ from atmoref.lanes.registers import (
     instruction,
     is_lane,
     refuse,
+    splat,
     vector,
 )
 
@@ -92,12 +93,67 @@ def gather(typing: Any, table: Any, index: Any) -> Any:
     return _register(element)(table, I32), emit
 
 
+def _permutes(ctx: Any, element: Any) -> bool:
+    """Return whether the processor can pick N elements out of 2 N in one instruction."""
+    return N == 16 and element.bitwidth == 32 and "+avx512f" in getattr(ctx.codegen(), "_tm_features", "")
+
+
+def _emit_near(ctx: Any, b: Any, sig: Any, a: Any, kind: ir.Type, count: int) -> list[ir.Value]:
+    """Load 2 N elements and pick table[index + 0 ... count - 1] out of them, or gather where these are too few."""
+    array = ctx.make_array(sig.args[0])(ctx, b, a[0])
+    base, index, wide = b.bitcast(array.data, kind.as_pointer()), a[1], ir.VectorType(kind, N)
+    room = b.trunc(b.sub(array.nitems, array.nitems.type(2 * N)), INT32)
+    first, last = b.extract_element(index, INT32(0)), b.extract_element(index, INT32(N - 1))
+    low = b.select(b.icmp_signed("<", first, last), first, last)
+    low = b.select(b.icmp_signed("<", low, room), low, room)
+    offset = b.sub(index, splat(b, low))
+    near = b.bitcast(b.icmp_unsigned("<", offset, constant(offset.type, 2 * N + 1 - count)), ir.IntType(N))
+    near = b.and_(b.icmp_unsigned("==", near, near.type(-1)), b.icmp_signed(">=", room, INT32(0)))
+    permute = f"llvm.x86.avx512.vpermi2var.{'ps' if isinstance(kind, ir.FloatType) else 'd'}.512"
+    with b.if_else(near) as (then, otherwise):
+        with then:
+            start = b.bitcast(b.gep(base, [b.sext(low, INT64)]), wide.as_pointer())
+            window = b.load(start, align=4), b.load(b.gep(start, [INT32(1)]), align=4)
+            places = [b.add(offset, constant(offset.type, i)) for i in range(count)]
+            picked = [call_llvm(b, permute, wide, [window[0], place, window[1]]) for place in places]
+            inside = b.block
+        with otherwise:
+            places = [b.add(index, constant(index.type, i)) for i in range(count)]
+            gathered = [_emit_gather(b, base, place, kind, kind, 4) for place in places]
+            outside = b.block
+    results = [b.phi(wide) for _ in range(count)]
+    for result, here, there in zip(results, picked, gathered, strict=True):
+        result.add_incoming(here, inside)
+        result.add_incoming(there, outside)
+    return results
+
+
 @instruction
-def gather_pair(typing: Any, table: Any, index: Any) -> Any:
-    """Return (table[index], table[index + 1]), lane by lane; 4-byte elements take one 8-byte gather."""
+def gather_near(typing: Any, table: Any, index: Any) -> Any:
+    """Return what `gather` returns, sooner where all lanes read from 2 N neighbours of a table.
+
+    Neighbouring pixels read neighbouring texels, and a texture's rows often run along the picture's.  A gather of 16
+    elements takes 30 cycles, two loads and a permutation a third of that (measured on Sapphire Rapids).
+    """
     element = _element(table)
     if index != I32:
-        raise refuse("gather_pair takes an int32 lane of indices", index)
+        raise refuse("gather_near takes an int32 lane of indices", index)
+    kind = LLVM_ELEMENT[element]
+
+    def emit(ctx: Any, b: Any, sig: Any, a: Any) -> Any:
+        if _permutes(ctx, element):
+            return _emit_near(ctx, b, sig, a, kind, 1)[0]
+        base = _pointer(ctx, b, sig.args[0], a[0], kind)
+        return _widen(b, _emit_gather(b, base, a[1], kind, kind, element.bitwidth // 8))
+
+    return _register(element)(table, I32), emit
+
+
+def _gather_pair(table: Any, index: Any, name: str) -> Any:
+    """Return signature and code of `gather_pair`."""
+    element = _element(table)
+    if index != I32:
+        raise refuse(f"{name} takes an int32 lane of indices", index)
     kind = LLVM_ELEMENT[element]
     lane = _register(element)
 
@@ -114,6 +170,26 @@ def gather_pair(typing: Any, table: Any, index: Any) -> Any:
         return ctx.make_tuple(b, sig.return_type, parts)
 
     return types.UniTuple(lane, 2)(table, I32), at_once if element.bitwidth == 32 else in_turn
+
+
+@instruction
+def gather_pair(typing: Any, table: Any, index: Any) -> Any:
+    """Return (table[index], table[index + 1]), lane by lane; 4-byte elements take one 8-byte gather."""
+    return _gather_pair(table, index, "gather_pair")
+
+
+@instruction
+def gather_pair_near(typing: Any, table: Any, index: Any) -> Any:
+    """Return what `gather_pair` returns, sooner where all lanes read from 2 N neighbours of a table."""
+    signature, elsewhere = _gather_pair(table, index, "gather_pair_near")
+    element = _element(table)
+
+    def emit(ctx: Any, b: Any, sig: Any, a: Any) -> Any:
+        if _permutes(ctx, element):
+            return ctx.make_tuple(b, sig.return_type, _emit_near(ctx, b, sig, a, LLVM_ELEMENT[element], 2))
+        return elsewhere(ctx, b, sig, a)
+
+    return signature, emit
 
 
 @instruction

@@ -9,14 +9,25 @@ one call and one call per draw agree to the last bit.
 
 from typing import Any, NamedTuple
 
-from numba import float64, int32, int64
+from numba import float64, int32
 
 from atmoref._jit import device, kernel
 from atmoref.buffers.blend import value
-from atmoref.lanes import N, any_lane, apart, convert, lift, load, possible, select, spread_int, store, sum_lanes
+from atmoref.lanes import (
+    N,
+    any_lane,
+    apart,
+    convert,
+    count_lanes,
+    lift,
+    load,
+    select,
+    spread_int,
+    store,
+)
 from atmoref.stages.camera import Camera, camera_ray
 from atmoref.stages.main_plane import Slab, SlabSwitches, place, slow_factor
-from atmoref.stages.spot_light import Spot, Switches, light_ray, light_span
+from atmoref.stages.spot_light import Spot, Switches, as_constants, is_usual, light_ray, light_span
 from atmoref.stages.sub_plane import add_sub_plane, light_one, light_pair
 from atmoref.stages.target import Colour, add_colour, channel_rule, read_colour, write_colour
 
@@ -97,7 +108,8 @@ def probe_sub_plane(arith, probe, draws, s, k, lit, h):
 @device
 def tally(samples, waves, mask):
     """Return samples and waves, one more each where the mask is set."""
-    return samples + select(possible(mask), spread_int(int32(1)), spread_int(int32(0))), waves + int(any_lane(mask))
+    set_lanes = count_lanes(mask)
+    return samples + set_lanes, waves + int(set_lanes > 0)
 
 
 @device
@@ -128,6 +140,19 @@ def gather_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, 
         if trace != 0:
             probe_sub_plane(arith, probe, draws, s1 - 1, k, lit, h)
     return h, Count(done.sub, sub_lit, samples, done.main, done.main_lit)
+
+
+@device
+def gather_any_slab(arith, form, rules, switches, spot, maps, solids, draws, pixel, k, s0, s1, h, probe, trace, count):
+    """Call `gather_slab`, in the usual case with constants in place of choices: 8 % of all time (fig4c, no skips)."""
+    if trace == 0 and is_usual(arith, switches, maps):
+        constants, textures = as_constants(arith, switches, maps)
+        return gather_slab(
+            arith, form, rules, constants, spot, textures, solids, draws, pixel, k, s0, s1, h, probe, 0, count
+        )
+    return gather_slab(
+        arith, form, rules, switches, spot, maps, solids, draws, pixel, k, s0, s1, h, probe, trace, count
+    )
 
 
 @device
@@ -196,7 +221,7 @@ def beam_planes(
     size = window.height * window.pitch
     zero = lift(arith, 0.0)
     for row in range(window.row0, window.row1):
-        count = Count(0, 0, spread_int(int32(0)), 0, 0)
+        count = Count(0, 0, 0, 0, 0)
         for column in range(window.column0, window.column1, N):
             p = row * window.pitch + column
             ray = camera_ray(arith, camera, column, row)
@@ -217,7 +242,7 @@ def beam_planes(
                 if begin < window.d0:
                     h = read_colour(arith, fast, p, size)
                 s0, s1 = max(draws.first[k], window.d0 - k), min(draws.first[k + 1], window.d1 - k)
-                h, count = gather_slab(
+                h, count = gather_any_slab(
                     arith, form, rules[1], switches, spot, maps, solids, draws, pixel, k, s0, s1, h,
                     probe, window.trace, count,
                 )  # fmt: skip
@@ -229,6 +254,6 @@ def beam_planes(
                         stored, probe, window.trace, count,
                     )  # fmt: skip
             write_colour(frame, p, size, stored)
-        totals = (count.sub, count.sub_lit, int64(sum_lanes(count.samples)), count.main, count.main_lit)
+        totals = (count.sub, count.sub_lit, count.samples, count.main, count.main_lit)
         for i in range(len(totals)):
             counters[row, i] += totals[i]

@@ -12,7 +12,16 @@ the two maps in the method's own analysis.
 from typing import Any, NamedTuple
 
 from atmoref._jit import device
-from atmoref.buffers.sampler import bilinear, bilinear3, bilinear3_pair, bilinear_pair, shadow_compare, shadow_pair
+from atmoref.buffers.sampler import (
+    as_usual,
+    bilinear,
+    bilinear3,
+    bilinear3_pair,
+    bilinear_pair,
+    shadow_compare,
+    shadow_pair,
+    usual_maps,
+)
 from atmoref.lanes import (
     absolute,
     any_lane,
@@ -85,6 +94,21 @@ class Maps(NamedTuple):
 
     shadow: Any  # Texture, of intervals TextureBounds
     light: Any
+
+
+@device
+def is_usual(arith, switches, maps):
+    """Return whether the two maps of a spotlight or projector, read in the usual way, make up all of its light."""
+    exact = switches.exact_visibility != 0 or switches.exact_distribution != 0
+    sun = switches.parallel != 0 or switches.unbounded != 0
+    return not exact and not sun and usual_maps(arith, maps.shadow, maps.light)
+
+
+@device
+def as_constants(arith, switches, maps):
+    """Return switches and maps of `is_usual`, known to the compiler."""
+    own = Switches(0, 0, switches.falloff, switches.grey_light, switches.grey_fog, switches.skip, 0, 0)
+    return own, Maps(as_usual(arith, maps.shadow), as_usual(arith, maps.light))
 
 
 class LightRay(NamedTuple):

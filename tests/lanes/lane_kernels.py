@@ -11,6 +11,7 @@ from atmoref.lanes import (
     MASK,
     N,
     absolute,
+    add_to_exact,
     compiled_only,
     convert,
     copy_sign,
@@ -19,7 +20,9 @@ from atmoref.lanes import (
     fma,
     from_int,
     gather,
+    gather_near,
     gather_pair,
+    gather_pair_near,
     iota,
     lane_not,
     lerp_bytes,
@@ -146,6 +149,25 @@ def fetch(table, index, out, first, second):
         low, high = gather_pair(table, at)
         store(first, i, low)
         store(second, i, high)
+
+
+@kernel
+def fetch_near(table, index, out, first, second):
+    """Write what `fetch` writes, by the functions that look for neighbours."""
+    for i in range(0, index.size, N):
+        at = load(index, i)
+        store(out, i, gather_near(table, at))
+        low, high = gather_pair_near(table, at)
+        store(first, i, low)
+        store(second, i, high)
+
+
+@kernel
+def scale_codes(codes, a, b, out):
+    """Write codes a + codes b, by a product that is exact."""
+    for i in range(0, codes.size, N):
+        c = load(codes, i)
+        store(out, i, add_to_exact(c, a, c * b))
 
 
 @kernel

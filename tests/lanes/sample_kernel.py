@@ -11,6 +11,7 @@ from atmoref.lanes import (
     Double,
     N,
     Single,
+    add_to_exact,
     any_lane,
     atan2,
     cos,
@@ -18,7 +19,9 @@ from atmoref.lanes import (
     floor,
     fma,
     gather,
+    gather_near,
     gather_pair,
+    gather_pair_near,
     lift,
     load,
     log,
@@ -47,6 +50,8 @@ def everything(arith, x, table, codes, out):
         a = load(x, i)
         b = saturate(a * 0.01 + 0.5) * (table.size - 2.0)
         low, high = gather_pair(table, to_int(b))
+        low, high = low + gather_near(table, to_int(b)), high + gather_pair_near(table, to_int(b))[1]
+        high = add_to_exact(rint(b), 0.25, high)
         c = low + (high - low) * (b - floor(b))
         c = fma(c, a, lift(arith, gather(codes, round_int(b)))) / (a - 0.3)
         if any_lane(a > 90.0):

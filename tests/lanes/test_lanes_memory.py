@@ -11,6 +11,8 @@ from numba.core.errors import TypingError
 
 from atmoref import lanes
 from atmoref._jit import kernel
+from atmoref.buffers.device import DEVICES, decode_factors
+from atmoref.buffers.formats import FORMATS
 from atmoref.lanes import (
     Double,
     N,
@@ -21,6 +23,7 @@ from atmoref.lanes import (
     exp,
     first_lane,
     gather,
+    gather_near,
     iota,
     lift,
     load,
@@ -64,6 +67,42 @@ def test_gathers(kind: type) -> None:
     np.testing.assert_array_equal(out, expected[index])
     np.testing.assert_array_equal(first, expected[index])
     np.testing.assert_array_equal(second, expected[index + 1])
+
+
+@pytest.mark.parametrize("size", [3, N, 2 * N - 1, 2 * N, 2 * N + 1, 1001])
+@pytest.mark.parametrize("kind", ELEMENTS)
+def test_gathers_from_neighbours(kind: type, size: int) -> None:
+    """Every width of a wave's footprint up to more than 2 N, rising, falling, mixed, one lane astray, at both ends."""
+    table, rng = content(kind, size), np.random.default_rng(23)
+    waves = []
+    for width in range(1, min(2 * N + 3, size)):
+        for start in {0, (size - 1 - width) // 2, size - 1 - width}:
+            lanes = np.sort(rng.integers(0, width, N))
+            lanes[[0, -1]] = 0, width - 1
+            astray = lanes.copy()
+            astray[N // 2] = size - 2 - start
+            other = lanes.copy()
+            other[N // 2] = -start  # before the first and the last lane
+            waves += [start + w for w in (lanes, lanes[::-1], rng.permutation(lanes), astray, other)]
+    index = np.concatenate(waves).astype(np.int32)
+    assert index.min() >= 0
+    assert index.max() == size - 2
+    out, first, second = (np.empty(index.size, registers(kind)) for _ in range(3))
+    lane_kernels.fetch_near(table, index, out, first, second)
+    expected = table.astype(registers(kind))
+    np.testing.assert_array_equal(out, expected[index])
+    np.testing.assert_array_equal(first, expected[index])
+    np.testing.assert_array_equal(second, expected[index + 1])
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_sums_with_an_exact_product_are_rounded_as_two_operations(bits: int) -> None:
+    codes = np.arange(1 << bits, dtype=np.float32)
+    a, b = (np.float32(f) for f in decode_factors(FORMATS[f"unorm{bits}"], DEVICES["ideal"]))
+    np.testing.assert_array_equal((codes * a).astype(np.float64), codes.astype(np.float64) * np.float64(a))
+    out = np.empty_like(codes)
+    lane_kernels.scale_codes(codes, a, b, out)
+    np.testing.assert_array_equal(out, codes * a + codes * b)
 
 
 @pytest.mark.parametrize("kind", ELEMENTS)
@@ -191,6 +230,7 @@ def test_wrong_types_are_refused_at_compile_time() -> None:
     assert "No implementation" in refused(lambda k: any_lane(load(k, 0) + 0.5 > 0), whole)
     assert "at least one lane" in refused(lambda x: any_lane(select(load(x, 0) > 0, 1.0, 0.0) > 0), single)
     assert "int32 lane of indices" in refused(lambda x: any_lane(gather(x, load(x, 0)) > 0), single)
+    assert "int32 lane of indices" in refused(lambda x: any_lane(gather_near(x, load(x, 0)) > 0), single)
     assert "C-contiguous" in refused(lambda x: any_lane(load(x, 0) > 0), np.zeros((N, N)))
     assert "C-contiguous" in refused(lambda x: any_lane(load(x, 0) > 0), np.zeros(64)[::2])
     assert "C-contiguous" in refused(lambda x: any_lane(load(x, 0) > 0), np.zeros(N, np.int64))
