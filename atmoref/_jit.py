@@ -32,7 +32,7 @@ from atmoref._cache import writable_root
 
 KEEP_SECONDS: Final = 30 * 86400
 WITHOUT_KERNELS: Final = frozenset(
-    ("cases", "cli", "compare", "export", "images", "judge", "report", "scene", "sequence", "techniques")
+    ("cases", "cli", "compare", "export", "images", "judge", "memory.py", "report", "scene", "sequence", "techniques")
 )
 """Rooms whose modules no kernel is made from (a test looks): editing them keeps every binary."""
 _UNCALLED: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}

@@ -9,6 +9,7 @@ from pydantic import model_validator
 
 from atmoref.cli.failures import RequestError
 from atmoref.cli.quick_start import load_numba_without_blas
+from atmoref.memory import PROGRAM_BYTES, Account, allowed_bytes
 from atmoref.scene import Scene, SceneError, parse_model
 from atmoref.scene.errors import contradiction, nearest
 from atmoref.scene.fields import Table, quantity
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from atmoref.scene import Result
 
 TRUTH = "truth"
+TRUTH_BYTES_PER_TRIANGLE = 450  # tree, its boxes while it is made, edges (measured: 370)
 TRUTH_BYTES_PER_PIXEL = 120  # image, error, beam and surface of three float64 each, three counters
 
 
@@ -99,7 +101,9 @@ def check(scene: Scene, technique: str) -> None:
     from atmoref.techniques.setting import make_setting
 
     parameters(scene, technique)
-    make_setting(scene, technique_module(technique).BUFFERS[scene.technique.preset], "float32", None, None)
+    make_setting(
+        scene, technique_module(technique).BUFFERS[scene.technique.preset], "float32", None, Account(scene.origin, None)
+    )
 
 
 def answer(request: Request, waiting: Waiting, watch: Watch | None = None) -> Result:
@@ -133,21 +137,18 @@ def answer(request: Request, waiting: Waiting, watch: Watch | None = None) -> Re
 
 
 def _truth(request: Request, waiting: Waiting) -> Result:
-    from atmoref.techniques.render import RESERVED_BYTES, available_bytes
-    from atmoref.techniques.setting import OutOfMemory, check_crop
+    from atmoref.techniques.setting import check_crop
     from atmoref.truth import solve
 
     scene = request.scene
     chosen = truth_parameters(scene)
     check_crop(scene, request.crop)
     width, height = request.crop[2:] if request.crop else (scene.image.width, scene.image.height)
-    needed = width * height * TRUTH_BYTES_PER_PIXEL + RESERVED_BYTES
-    limit = request.max_memory if request.max_memory is not None else available_bytes() // 2
-    if needed > limit:
-        raise OutOfMemory(
-            f"{scene.origin}: the truth of {width} x {height} pixels needs about {needed / 1e6:.0f} MB; "
-            f"allowed: {limit / 1e6:.0f} MB (--max-memory)"
-        )
+    account = Account(scene.origin, allowed_bytes(request.max_memory), PROGRAM_BYTES + scene.files.kept_bytes)
+    count = sum(len(part.faces) for part in scene.files.triangles.values())
+    beside = f" with {count} triangles" if count else ""
+    needed = width * height * TRUTH_BYTES_PER_PIXEL + count * TRUTH_BYTES_PER_TRIANGLE
+    account.require(needed, f"the truth of {width} x {height} pixels{beside}")
     result = solve(scene, threads=request.threads, crop=request.crop, progress=waiting.rows, **chosen.model_dump())
     result.provenance.update(_question(scene))
     return result

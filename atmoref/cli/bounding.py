@@ -41,7 +41,7 @@ def bounds(
 
     rectangle, limit = parse_crop(crop), parse_size(max_memory)
     pictures.check_output("-o", output, (".npz", ".exr"))
-    question = load_scene(scene, changes or ())
+    question = load_scene(scene, changes or (), max_memory=limit)
     name = chosen_technique(question, technique)
     if name == TRUTH:
         raise RequestError("bounds: the truth has an error, no bounds; allowed: a technique")

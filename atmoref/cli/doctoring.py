@@ -113,7 +113,7 @@ def _megabytes(directory: Path) -> float:
 
 
 def _memory() -> dict[str, Any]:
-    from atmoref.techniques.render import available_bytes
+    from atmoref.memory import available_bytes
 
     whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     free = available_bytes()

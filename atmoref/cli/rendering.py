@@ -24,7 +24,7 @@ Threads = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=1024, help="Default: all processors. Bits do not depend on it.")
 ]
 MaxMemory = Annotated[
-    str | None, typer.Option(metavar="SIZE", help="Refuse to take more, e.g. 500MB. Default: half of what is free.")
+    str | None, typer.Option(metavar="SIZE", help="Refuse to grow beyond, e.g. 500MB. Default: half of what is free.")
 ]
 
 
@@ -58,7 +58,7 @@ def render(
     rectangle, limit = parse_crop(crop), parse_size(max_memory)
     if not 0.0 < exposure < float("inf"):
         raise RequestError(f"--exposure: found {exposure}; allowed: a finite number above 0")
-    question = load_scene(scene, changes or ())
+    question = load_scene(scene, changes or (), max_memory=limit)
     files = [path for path in (output, png) if path is not None]
     if not files and stages is None and stats is None:
         files = [Path(f"{question.name}.exr"), Path(f"{question.name}.png")]

@@ -70,7 +70,7 @@ def trace(
     from atmoref.techniques import TECHNIQUES
 
     limit = parse_size(max_memory)
-    question = load_scene(scene, changes or ())
+    question = load_scene(scene, changes or (), max_memory=limit)
     name = chosen_technique(question, technique)
     if name == TRUTH:
         raise RequestError(f"{question.origin}: the truth has no draws; allowed: --technique {' or '.join(TECHNIQUES)}")

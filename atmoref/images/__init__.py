@@ -1,7 +1,7 @@
 """Image files: EXR, NPZ, NPY, PNG and PFM, and what turns radiance into a picture."""
 
 from atmoref.images.files import READABLE, WRITABLE, read, write
-from atmoref.images.image import MAX_BYTES, Image, ImageError, from_rgb
+from atmoref.images.image import MAX_BYTES, Image, ImageError, TooLarge, from_rgb
 from atmoref.images.tone import display_codes, srgb_decode, srgb_encode
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "WRITABLE",
     "Image",
     "ImageError",
+    "TooLarge",
     "display_codes",
     "from_rgb",
     "read",

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,9 +24,15 @@ class ImageError(ValueError):
     """An image or its file cannot be used; the message names the file and says what is wrong."""
 
     @classmethod
-    def of(cls, path: str | Path, problem: str) -> ImageError:
+    def of(cls, path: str | Path, problem: str) -> Self:
         """Return the error for one file."""
         return cls(f"{path}: {problem}")
+
+
+class TooLarge(ImageError):
+    """An image would take more memory when decoded than the caller allows: `needed` bytes."""
+
+    needed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +162,13 @@ def check_size(path: str | Path, width: int, height: int, bytes_per_pixel: int, 
     if width < 1 or height < 1:
         raise ImageError.of(path, f"the header states an empty image, {width} x {height}")
     if width * height * max(1, bytes_per_pixel) > max_bytes:
-        raise ImageError.of(
+        error = TooLarge.of(
             path,
             f"the header states {width} x {height} pixels of {bytes_per_pixel} bytes, more than the limit of "
             f"{max_bytes / 2**20:.0f} MiB; nothing was allocated",
         )
+        error.needed = width * height * max(1, bytes_per_pixel)
+        raise error
 
 
 def first_not_finite(image: Image) -> str | None:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.buffers.layout import Buffer
+from atmoref.memory import Account, allowed_bytes
 from atmoref.pipeline import Bank, Pass
 from atmoref.scene import Scene
-from atmoref.techniques.render import available_bytes, parameters, technique_module, technique_name
+from atmoref.techniques.render import parameters, technique_module, technique_name
 from atmoref.techniques.setting import Setting, make_setting
 
 Group = tuple[tuple[int, int, int], ...]  # (pass, first draw, last draw), in order
@@ -72,7 +73,7 @@ def make_plan(scene: Scene, technique: str | None = None, change: Callable[[Sett
     module = technique_module(name)
     preset = scene.technique.preset
     arithmetic: Any = "float64" if preset == "analysis" else "float32"
-    setting = make_setting(scene, module.BUFFERS[preset], arithmetic, None, available_bytes() // 2)
+    setting = make_setting(scene, module.BUFFERS[preset], arithmetic, None, Account(scene.origin, allowed_bytes(None)))
     if change is not None:
         setting = change(setting)
     passes, bank, _ = module.build(setting, parameters(scene, name))

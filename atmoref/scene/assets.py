@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atmoref.elementary import exp, log
-from atmoref.images import ImageError, read
+from atmoref.images import ImageError, TooLarge, read
+from atmoref.memory import Account
 from atmoref.scene.describe import found
 from atmoref.scene.errors import SceneError
 from atmoref.scene.fields import FARTHEST_M
@@ -20,6 +22,11 @@ from atmoref.scene.triangles import Triangles, grid_triangles, turned, with_area
 
 PICTURES = (".png", ".exr", ".npy")
 LARGEST_SIDE = 8192
+_DECODED_COPIES = 3  # of a picture's own bytes while its channels are taken apart
+_PICTURE_BYTES = 160  # per pixel of a light's picture while it is made linear (measured: 6 x 3 float64, and masks)
+_SAMPLE_BYTES = 420  # per sample of a height field while its triangles are made (measured: 400)
+_READER_BYTES = 64_000_000  # trimesh and what it imports
+_MESH_COPIES = {".obj": 10, ".ply": 20, ".stl": 15, ".glb": 20, ".gltf": 20}  # of a file's bytes while it is read
 
 
 def resolve(folder: Path, file: str, key: str, origin: str) -> Path:
@@ -57,16 +64,19 @@ def content_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def light_map(folder: Path, file: str, encoding: str | None, key: str, origin: str) -> NDArray[np.float64]:
+def light_map(
+    folder: Path, file: str, encoding: str | None, key: str, origin: str, account: Account
+) -> NDArray[np.float64]:
     """Return the picture (H, W, 3) of a light, linear, in [0, 1], row 0 at the top.
 
     Raises
     ------
     SceneError
         The file cannot be read, or is no picture of 1 or 3 channels from 0 to 1.
+    OutOfMemory
     """
     path = resolve(folder, file, key, origin)
-    planes = _planes(path, file, key, origin)
+    planes = _planes(path, file, key, origin, account, _PICTURE_BYTES)
     colours = [planes[name] for name in ("R", "G", "B")] if set(planes) == {"R", "G", "B"} else [*planes.values()] * 3
     if len(colours) != 3:
         raise _refused(origin, key, file, f"has the channels {', '.join(planes)}", "R, G, B, or a single one")
@@ -76,6 +86,7 @@ def light_map(folder: Path, file: str, encoding: str | None, key: str, origin: s
     if (encoding or ("srgb" if path.suffix.lower() == ".png" else "linear")) == "srgb":
         values = _linear(values)
     values.setflags(write=False)
+    account.require(values.nbytes, f"{key}: {found(file)}", keep=True)
     return values
 
 
@@ -89,17 +100,24 @@ def _outlier(values: NDArray[np.float64], low: float, high: float) -> str:
     return f"{values[tuple(place)]:.9g} at row {place[0]}, column {place[1]}"
 
 
-def _planes(path: Path, file: str, key: str, origin: str) -> dict[str, NDArray[np.float64]]:
+def _planes(
+    path: Path, file: str, key: str, origin: str, account: Account, bytes_per_pixel: int
+) -> dict[str, NDArray[np.float64]]:
     """Return the channels of a picture: codes of a PNG divided by the greatest, numbers of other files as they are."""
     if path.suffix.lower() not in PICTURES:
         raise _refused(origin, key, file, "is no picture", f"one of {', '.join(PICTURES)}")
+    most = LARGEST_SIDE * LARGEST_SIDE * 16
     try:
-        picture = read(path, max_bytes=LARGEST_SIDE * LARGEST_SIDE * 16)
+        picture = read(path, max_bytes=min(most, account.room // _DECODED_COPIES))
+    except TooLarge as error:
+        account.require(_DECODED_COPIES * error.needed, f"{key}: {found(file)}")
+        raise SceneError(f"{origin}: {key}: {error}; allowed: a picture") from None
     except ImageError as error:
         raise SceneError(f"{origin}: {key}: {error}; allowed: a picture") from None
     if max(picture.shape) > LARGEST_SIDE:
         height, width = picture.shape
         raise _refused(origin, key, file, f"has {width} x {height} pixels", f"at most {LARGEST_SIDE} each way")
+    account.require(math.prod(picture.shape) * bytes_per_pixel, f"{key}: {found(file)}")
     for name, plane in picture.channels.items():
         if path.suffix.lower() != ".png" and plane.dtype.kind != "f":
             raise _refused(origin, key, file, f"holds {plane.dtype} in channel {name}", "real numbers, or a PNG")
@@ -112,7 +130,7 @@ def _linear(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(encoded <= 0.04045, encoded / 12.92, np.minimum(curve, 1.0))
 
 
-def mesh_triangles(folder: Path, item: Mesh, key: str, origin: str) -> Triangles:
+def mesh_triangles(folder: Path, item: Mesh, key: str, origin: str, account: Account) -> Triangles:
     """Return the triangles of a mesh, in metres in the world; those without area are left out.
 
     Raises
@@ -121,6 +139,7 @@ def mesh_triangles(folder: Path, item: Mesh, key: str, origin: str) -> Triangles
         The file cannot be read as a mesh, or a corner is not finite, or farther away than FARTHEST_M.
     MissingExtra
         Without trimesh.
+    OutOfMemory
     """
     path = resolve(folder, item.path, key, origin)
     suffix = path.suffix.lower()
@@ -129,6 +148,8 @@ def mesh_triangles(folder: Path, item: Mesh, key: str, origin: str) -> Triangles
     try:
         if (size := path.stat().st_size) > MOST_BYTES:
             raise _refused(origin, key, item.path, f"has {size} bytes", f"at most {MOST_BYTES}")
+        needed = _READER_BYTES + _MESH_COPIES[suffix] * size
+        account.require(needed, f"{key}: {found(item.path)} of {size} bytes", keep=True)  # the heap does not shrink
         vertices, faces = read_mesh(path.read_bytes(), suffix)
     except MeshProblem as error:
         text = str(error)
@@ -142,7 +163,7 @@ def mesh_triangles(folder: Path, item: Mesh, key: str, origin: str) -> Triangles
     return _checked(points, faces, item.path, key, origin)
 
 
-def height_field_triangles(folder: Path, item: HeightField, key: str, origin: str) -> Triangles:
+def height_field_triangles(folder: Path, item: HeightField, key: str, origin: str, account: Account) -> Triangles:
     """Return the triangles of a height field, in metres in the world.
 
     Raises
@@ -150,9 +171,10 @@ def height_field_triangles(folder: Path, item: HeightField, key: str, origin: st
     SceneError
         The file cannot be read, has not one channel of 2 x 2 samples or more, or has heights that are not finite or
         farther away than FARTHEST_M.
+    OutOfMemory
     """
     path = resolve(folder, item.path, key, origin)
-    planes = _planes(path, item.path, key, origin)
+    planes = _planes(path, item.path, key, origin, account, _SAMPLE_BYTES)
     if len(planes) != 1:
         raise _refused(origin, key, item.path, f"has the channels {', '.join(planes)}", "a single one")
     (heights,) = planes.values()
@@ -167,6 +189,7 @@ def height_field_triangles(folder: Path, item: HeightField, key: str, origin: st
         raise _refused(origin, key, item.path, f"holds {_outlier(heights, -1e308, 1e308)}", "finite heights")
     with np.errstate(all="ignore"):
         made = grid_triangles(heights * item.height_scale_m, item.cell_m, item.center_m)
+    account.require(made.vertices.nbytes + made.faces.nbytes, f"{key}: {found(item.path)}", keep=True)
     return _checked(made.vertices, made.faces, item.path, key, origin)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from atmoref.memory import PROGRAM_BYTES, Account, allowed_bytes
 from atmoref.scene import emit
 from atmoref.scene.camera import Camera
 from atmoref.scene.describe import found
@@ -33,6 +34,8 @@ class Files:
     light_maps: Mapping[int, NDArray[np.float64]] = field(default_factory=dict, compare=False)
     triangles: Mapping[int, Triangles] = field(default_factory=dict, compare=False)
     digests: Mapping[str, str] = field(default_factory=dict)
+    kept_bytes: int = field(default=0, compare=False)
+    """What they take in memory, as estimated before they were read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +105,12 @@ class Scene:
 
 
 def scene_from_mapping(
-    mapping: Mapping[str, Any], *, origin: str = "scene", name: str = "scene", path: Path | None = None
+    mapping: Mapping[str, Any],
+    *,
+    origin: str = "scene",
+    name: str = "scene",
+    path: Path | None = None,
+    max_memory: int | None = None,
 ) -> Scene:
     """Return the checked scene of plain values.
 
@@ -114,11 +122,15 @@ def scene_from_mapping(
         What messages call the file.
     name, path
         Kept in the scene.
+    max_memory
+        Bytes of the whole process that the files of the scene may bring it to; None: half of what is available.
 
     Raises
     ------
     SceneError
         With a line for each problem.
+    OutOfMemory
+        The files that it names need more memory than allowed.
     """
     if "schema" in mapping and (isinstance(mapping["schema"], bool) or mapping["schema"] != SCHEMA):
         version = found(mapping["schema"])
@@ -135,17 +147,17 @@ def scene_from_mapping(
         name=name,
         path=path,
         origin=origin,
-        files=_files(whole, path, origin),
+        files=_files(whole, path, Account(origin, allowed_bytes(max_memory))),
     )
 
 
-def _files(whole: SceneFile, path: Path | None, origin: str) -> Files:
+def _files(whole: SceneFile, path: Path | None, account: Account) -> Files:
     """Return what the files that a scene names hold; they lie beside it, or in the current folder if it has no path."""
     if not any(isinstance(item, Projector | Sun | Mesh | HeightField) for item in (*whole.lights, *whole.objects)):
         return Files()
     from atmoref.scene import assets  # NumPy is not needed before
 
-    folder = Path.cwd() if path is None else path.parent
+    folder, origin = Path.cwd() if path is None else path.parent, account.origin
     light_maps: dict[int, NDArray[np.float64]] = {}
     triangles: dict[int, Triangles] = {}
     digests: dict[str, str] = {}
@@ -154,18 +166,18 @@ def _files(whole: SceneFile, path: Path | None, origin: str) -> Files:
         if picture is None or picture.image is None:
             continue
         key = f"lights[{i}].{'window.' if isinstance(light, Sun) else ''}image"
-        light_maps[i] = assets.light_map(folder, picture.image, picture.image_encoding, key, origin)
+        light_maps[i] = assets.light_map(folder, picture.image, picture.image_encoding, key, origin, account)
         digests[picture.image] = assets.content_digest(assets.resolve(folder, picture.image, key, origin))
     for i, item in enumerate(whole.objects):
         if not isinstance(item, Mesh | HeightField):
             continue
         key = f"objects[{i}].path"
         if isinstance(item, Mesh):
-            triangles[i] = assets.mesh_triangles(folder, item, key, origin)
+            triangles[i] = assets.mesh_triangles(folder, item, key, origin, account)
         else:
-            triangles[i] = assets.height_field_triangles(folder, item, key, origin)
+            triangles[i] = assets.height_field_triangles(folder, item, key, origin, account)
         digests[item.path] = assets.content_digest(assets.resolve(folder, item.path, key, origin))
-    return Files(light_maps, triangles, digests)
+    return Files(light_maps, triangles, digests, account.kept - PROGRAM_BYTES)
 
 
 def _plain(table: Any) -> Any:

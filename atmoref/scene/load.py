@@ -37,7 +37,9 @@ def bundled_text(name: str) -> str:
     return resources.files("atmoref.scene").joinpath("bundled", f"{name}.toml").read_text("utf-8")
 
 
-def load_scene(path_or_name: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scene:
+def load_scene(
+    path_or_name: str | os.PathLike[str], overrides: Sequence[str] = (), *, max_memory: int | None = None
+) -> Scene:
     """Return a checked scene.
 
     Parameters
@@ -47,26 +49,38 @@ def load_scene(path_or_name: str | os.PathLike[str], overrides: Sequence[str] = 
         ``./quick`` for the file.
     overrides
         ``key.path=value``, applied in order before the scene is checked; see ``apply_overrides``.
+    max_memory
+        Bytes of the whole process that the files of the scene may bring it to; None: half of what is available.
 
     Raises
     ------
     SceneError
         If the file cannot be read or is no correct scene: names file, key path, what was found, what is allowed.
+    OutOfMemory
+        The files that it names need more memory than allowed.
     """
     text = os.fspath(path_or_name)
     if isinstance(path_or_name, str) and text in bundled_names():
         path = Path(str(resources.files("atmoref.scene").joinpath("bundled", f"{text}.toml")))
-        return parse_scene(bundled_text(text), overrides, origin=f"bundled scene {text}", name=text, path=path)
+        return parse_scene(
+            bundled_text(text), overrides, origin=f"bundled scene {text}", name=text, path=path, max_memory=max_memory
+        )
     path = Path(text)
-    return parse_scene(_read(path), overrides, origin=str(path), name=path.stem, path=path)
+    return parse_scene(_read(path), overrides, origin=str(path), name=path.stem, path=path, max_memory=max_memory)
 
 
 def parse_scene(
-    text: str, overrides: Sequence[str] = (), *, origin: str = "scene", name: str = "scene", path: Path | None = None
+    text: str,
+    overrides: Sequence[str] = (),
+    *,
+    origin: str = "scene",
+    name: str = "scene",
+    path: Path | None = None,
+    max_memory: int | None = None,
 ) -> Scene:
     """Return a checked scene from the text of a scene file; see ``load_scene``."""
     mapping = apply_overrides(_toml(text, origin), overrides, origin)
-    return scene_from_mapping(mapping, origin=origin, name=name, path=path)
+    return scene_from_mapping(mapping, origin=origin, name=name, path=path, max_memory=max_memory)
 
 
 def _toml(text: str, origin: str) -> dict[str, Any]:

@@ -118,7 +118,7 @@ def vertex_mesh(stage: Stage, spot: Spotlight, plan: BeamPlan) -> Mesh:
         nothing = np.zeros(1, stage.setting.dtype)
         return Mesh(nothing, nothing, nothing, mesh_grid(stage))
     points = (params.mesh[0] + 1) * (params.mesh[1] + 1) * len(plan.main_z)
-    stage.setting.require(stage.bank, points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
+    stage.setting.account.require(points * 5 * HOST_BYTES, f"technique.mesh = {list(params.mesh)}")
     ex, ey = mesh_rays(scene, params.mesh)
     if isinstance(spot.frame, ParallelFrame):
         return _sun_mesh(stage, spot, spot.frame, plan, ex, ey)
@@ -176,7 +176,7 @@ def q_textures(stage: Stage, spot: Spotlight, plan: BeamPlan, domain: QDomain) -
     channels = range(1 if spot.switches.grey_fog else 3)
     fog = fogs(stage.scene, -1.0 if params.scattering_angle == "backward" else 1.0)
     needed = params.q_table_size**2 * len(channels) * HOST_BYTES
-    setting.require(stage.bank, needed, f"technique.q_table_size = {params.q_table_size}")
+    setting.account.require(needed, f"technique.q_table_size = {params.q_table_size}")
     tables = {f: q_table(domain, plan.dt_m, f) for f in fog[: len(channels)]}
     q = np.stack([tables[fog[i]] * spot.sources[i] for i in channels], -1)
     farthest = max(stage.scene.medium.extinction_per_m) * plan.far_m

@@ -67,7 +67,7 @@ def vertex_colours(stage: Stage, spot: Spotlight, z: NDArray[np.float64], dt_m: 
     )  # fmt: skip
     channels = 1 if spot.switches.grey_fog else 3
     needed = channels * len(z) * count * HOST_BYTES
-    stage.setting.require(stage.bank, needed, f"technique.mesh = {list(params.mesh)} with {len(z)} planes")
+    stage.setting.account.require(needed, f"technique.mesh = {list(params.mesh)} with {len(z)} planes")
     colours = np.zeros(channels * len(z) * count + N)
     fill_colours(
         colours, np.concatenate([ex, padding]), np.concatenate([ey, padding]), z,

@@ -115,7 +115,7 @@ def spotlight(stage: Stage, index: int, far_m: float) -> Spotlight:
     objects = solids(scene, frame.position)
     if params.visibility == "exact" and stage.triangles().count:
         needed = stage.triangles().count * OCCLUDER_BYTES
-        stage.setting.require(stage.bank, needed, f"exact visibility of {stage.triangles().count} triangles")
+        stage.setting.account.require(needed, f"exact visibility of {stage.triangles().count} triangles", keep=True)
         if isinstance(frame, ParallelFrame):
             view = axes(frame.position, frame.right, frame.up, frame.axis)
             objects = with_parallel_occluders(objects, stage.triangles(), view, stage.setting.dtype)
@@ -155,7 +155,7 @@ def shadow_passes(stage: Stage, spot: Spotlight, far_m: float) -> list[Pass]:
     if not spot.switches.exact_distribution:
         edge = params.light_map_size
         if spot.frame.picture is None:
-            setting.require(stage.bank, 3 * edge * edge * HOST_BYTES, f"technique.light_map_size = {edge}")
+            setting.account.require(3 * edge * edge * HOST_BYTES, f"technique.light_map_size = {edge}")
         texels = spot.frame.light_map(edge)
         if texels.ndim == 2 and not spot.switches.grey_light:  # stages read a channel each
             texels = np.repeat(texels[..., None], 3, -1)

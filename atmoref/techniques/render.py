@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import resource
 import time
 from collections.abc import Mapping
@@ -16,14 +15,13 @@ from pydantic import BaseModel
 
 import atmoref
 from atmoref.buffers.bounds import Bounds
+from atmoref.memory import PROGRAM_BYTES, Account, OutOfMemory, allowed_bytes
 from atmoref.pipeline import Bank, Pass, Progress, Timing, Watch, run
 from atmoref.scene import Result, Scene, SceneError, parse_model
 from atmoref.scene.errors import nearest
 from atmoref.techniques import TECHNIQUES
 from atmoref.techniques.beams_parameters import PRESETS
-from atmoref.techniques.setting import Crop, OutOfMemory, Setting, check_crop, make_setting
-
-RESERVED_BYTES = 64 << 20  # tables, textures and the interpreter's own
+from atmoref.techniques.setting import Crop, Setting, check_crop, make_setting
 
 
 def technique_name(scene: Scene, technique: str | None = None) -> str:
@@ -65,18 +63,6 @@ def parameters(scene: Scene, name: str) -> BaseModel:
     return parse_model(model, values, scene.origin, "technique", known=("name", "preset"))
 
 
-def available_bytes() -> int:
-    """Return the physical memory that is free for this process, bytes."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-
-
 def peak_memory_mb() -> float:
     """Return the greatest resident memory of this process so far, MB.
 
@@ -109,23 +95,19 @@ def prepare(
     check_crop(scene, crop)
     preset = scene.technique.preset
     arithmetic: Any = "float64" if preset == "analysis" else "float32"
-    limit = max_memory if max_memory is not None else available_bytes() // 2
-    setting = make_setting(scene, module.BUFFERS[preset], arithmetic, crop, limit)
-    _check_memory(setting, limit)
+    account = Account(scene.origin, allowed_bytes(max_memory), PROGRAM_BYTES + scene.files.kept_bytes)
+    setting = make_setting(scene, module.BUFFERS[preset], arithmetic, crop, account)
+    _check_image(setting)
     passes, bank, report = module.build(setting, params, trace=trace)
     return name, setting, passes, bank, report
 
 
-def _check_memory(setting: Setting, limit: int) -> None:
+def _check_image(setting: Setting) -> None:
     """Refuse an image whose buffers and hand-outs would not fit, before anything is allocated."""
     image = setting.scene.image
-    element = 4 if setting.arithmetic == "float32" else 8
-    needed = image.width * image.height * (7 * element + 3 * 8) + RESERVED_BYTES
-    if needed > limit:
-        raise OutOfMemory(
-            f"{setting.scene.origin}: an image of {image.width} x {image.height} pixels needs about "
-            f"{needed / 1e6:.0f} MB; allowed: {limit / 1e6:.0f} MB (--max-memory)"
-        )
+    pixels, element = image.width * image.height, 4 if setting.arithmetic == "float32" else 8
+    setting.account.require(pixels * (7 * element + 3 * 8), f"an image of {image.width} x {image.height} pixels")
+    setting.account.require(pixels * 2 * 3 * 8, "the values of its pixels", keep=True)
 
 
 def render(
@@ -155,7 +137,8 @@ def render(
     inject : mapping of draw name to (H, W, C) array, or None
         Replaces what a draw stored.
     max_memory : int or None
-        Bytes; None: half of the available memory.
+        Bytes of the whole process, as estimated before anything is taken; None: half of the available memory.  What
+        Numba takes to compile kernels the first time, up to 1.4 GB, does not count.
     progress : callable (pass name, fraction) or None
 
     Returns

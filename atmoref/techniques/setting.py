@@ -18,6 +18,7 @@ from atmoref.buffers.interval_sampler import TextureBounds, texture_bounds
 from atmoref.buffers.layout import Buffer, CodeClass, allocate, code_class, needed_bytes
 from atmoref.buffers.sampler import Texture, texture
 from atmoref.lanes import Double, Interval, N, Single
+from atmoref.memory import Account
 from atmoref.pipeline import Bank
 from atmoref.scene import Scene, SceneError
 from atmoref.scene.errors import nearest
@@ -26,10 +27,7 @@ Crop = tuple[int, int, int, int]
 Arithmetic = Literal["float32", "float64", "interval"]
 Rules = tuple[Rule, Rule, Rule] | tuple[RuleBounds, RuleBounds, RuleBounds]
 Readable = Texture | TextureBounds
-
-
-class OutOfMemory(MemoryError):
-    """More memory would be needed than is allowed; raised before anything is allocated."""
+TEXTURE_COPIES = 8  # of a buffer's bytes while a texture is made of it (measured: up to 7.5; codes, padded, packed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,7 @@ class Setting:
     rounding: Rounding | None
     form: CodeClass
     crop: Crop | None
-    max_bytes: int | None
+    account: Account
     envelope: bool = False  # of intervals: any rounding that the specifications permit
 
     @property
@@ -95,15 +93,23 @@ class Setting:
 
     def depth_target(self, bank: Bank, name: str, key: str, width: int, height: int) -> Buffer:
         """Allocate a depth buffer: always of class Mixed, so that kernels have one type of it."""
-        return self._allocate(bank, name, key, width, height, 1, Mixed())
+        return self._allocate(bank, name, key, width, height, 1, Mixed(), read=name != "depth")
 
     def _allocate(
-        self, bank: Bank, name: str, key: str, width: int, height: int, channels: int, form: CodeClass
+        self,
+        bank: Bank,
+        name: str,
+        key: str,
+        width: int,
+        height: int,
+        channels: int,
+        form: CodeClass,
+        read: bool = False,
     ) -> Buffer:
         real = self.point_arithmetic
-        ends = 2 if self.intervals else 1
+        ends = (2 if self.intervals else 1) * (1 + TEXTURE_COPIES if read else 1)
         needed = ends * needed_bytes(width, height, channels, form, real)
-        self.require(bank, needed, f"buffer {key} ({width} x {height})")
+        self.account.require(needed, f"buffer {key} ({width} x {height})", keep=True)
         fmt = self.formats[name]
         if self.intervals:
             bank[key] = allocate_bounds(key, fmt, width, height, channels)
@@ -115,23 +121,9 @@ class Setting:
         """Enter a texture that the host computed, (H, W) or (H, W, C), row 0 at v = 0, encoded by the device."""
         texels = values if values.ndim == 3 else values[..., None]
         height, width, channels = texels.shape
-        buffer = self._allocate(bank, name, key, width, height, channels, Mixed())
+        buffer = self._allocate(bank, name, key, width, height, channels, Mixed(), read=True)
         buffer.put(texels[::-1], self.device, self.rounding_of(self.formats[name]))
         return buffer
-
-    def require(self, bank: Bank, needed: int, what: str) -> None:
-        """Refuse what would not fit beside the buffers so far; called before anything is computed or allocated.
-
-        Raises
-        ------
-        OutOfMemory
-        """
-        held = sum(b.nbytes for b in bank.values())
-        if self.max_bytes is not None and held + needed > self.max_bytes:
-            raise OutOfMemory(
-                f"{self.scene.origin}: {what} would need {(held + needed) / 1e6:.1f} MB with the buffers so far; "
-                f"allowed: {self.max_bytes / 1e6:.1f} MB (--max-memory)"
-            )
 
     def texture(self, buffer: Buffer, compare: Literal["nearest", "pcf"] = "nearest") -> Readable:
         """Return a buffer as a texture."""
@@ -179,7 +171,7 @@ def check_crop(scene: Scene, crop: Crop | None) -> None:
 
 
 def make_setting(
-    scene: Scene, defaults: Mapping[str, str], arithmetic: Arithmetic, crop: Crop | None, max_bytes: int | None
+    scene: Scene, defaults: Mapping[str, str], arithmetic: Arithmetic, crop: Crop | None, account: Account
 ) -> Setting:
     """Return the setting of a scene.
 
@@ -191,7 +183,8 @@ def make_setting(
     arithmetic : str
         Of the preset; the scene may override it.
     crop : (x, y, width, height) or None
-    max_bytes : int or None
+    account : Account
+        Where memory is asked for.
 
     Raises
     ------
@@ -223,7 +216,7 @@ def make_setting(
     blended = [formats[n] for n in ("frame", "f_h") if n in formats]
     form = Mixed() if chosen == "interval" else code_class(blended, chosen)
     return Setting(
-        scene, formats, chosen, device, asked.rounding, form, crop, max_bytes, asked.interval == "envelope"
+        scene, formats, chosen, device, asked.rounding, form, crop, account, asked.interval == "envelope"
     )  # fmt: skip
 
 

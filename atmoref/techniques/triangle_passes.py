@@ -230,7 +230,7 @@ def triangle_pass(
     element = np.dtype(setting.dtype).itemsize
     needed = needed_bytes(width, height, 2, Mixed(), setting.point_arithmetic)
     needed += triangles.count * (RECORD * element + 5 * 4 + 3 * element + 4)
-    setting.require(bank, needed, f"buffer {key} ({width} x {height}, {triangles.count} triangles)")
+    setting.account.require(needed, f"buffer {key} ({width} x {height}, {triangles.count} triangles)", keep=True)
     buffer = allocate(key, FORMATS[setting.point_arithmetic], width, height, 2, Mixed(), setting.point_arithmetic)
     bank[key] = buffer
     made = records(triangles, grid, place, width, height, setting.dtype)

@@ -198,7 +198,7 @@ REQUESTS: list[tuple[str, int, tuple[str, ...]]] = [
     ("render quick -o x.exr --max-memory nan", 2, ("--max-memory",)),
     ("render quick -o x.exr --max-memory 1MB", 3, ("quick", "120 x 180", "--max-memory")),
     ("render quick -o x.exr --technique truth --max-memory 1MB", 3, ("quick", "120 x 180", "--max-memory")),
-    ("render quick -o x.exr --max-memory 80MB --set technique.shadow_map_size=8192", 3, ("shadow_map",)),
+    ("render quick -o x.exr --max-memory 300MB --set technique.shadow_map_size=8192", 3, ("shadow_map",)),
     ("render quick -o x.exr --crop 0,0,0,5", 2, ("quick", "crop", "120 x 180")),
     ("render quick -o x.exr --crop 100,100,21,5", 2, ("quick", "crop")),
     ("render quick -o x.exr --crop -1,0,5,5", 2, ("--crop",)),

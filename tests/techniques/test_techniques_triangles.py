@@ -11,10 +11,10 @@ import pytest
 from reference.scenes import CUBE, f4, with_triangles
 
 from atmoref import truth
+from atmoref.memory import OutOfMemory
 from atmoref.pipeline import Bank
 from atmoref.scene import Technique, load_scene
 from atmoref.techniques.render import render
-from atmoref.techniques.setting import OutOfMemory
 
 BOX = {"type": "box", "min_m": [-3.0, 6.0, -2.0], "max_m": [1.0, 10.0, 2.0], "albedo": [0.3, 0.2, 0.1]}
 GROUND = {"type": "ground", "height_m": 0.0, "albedo": 0.2}
@@ -109,10 +109,11 @@ def test_memory_is_asked_for_before_it_is_taken(tmp_path: Path) -> None:
         item = {"type": "height_field", "path": "plain.npy", "cell_m": 0.1, "height_scale_m": 1.0, "albedo": 0.3}
         scene = f4(objects=[item], path=tmp_path / "scene.toml")
         if rows == 3:
-            render(scene, max_memory=100_000_000)
+            render(scene, max_memory=300_000_000)
         else:
-            with pytest.raises(OutOfMemory, match="1616402 triangles"):
-                render(scene, max_memory=100_000_000)
+            exact = scene.with_overrides(["technique.preset=analysis"])
+            with pytest.raises(OutOfMemory, match="exact visibility of 1616402 triangles"):
+                render(exact, max_memory=525_000_000)
 
 
 def test_mountains_in_sunlight_tend_to_the_truth() -> None:

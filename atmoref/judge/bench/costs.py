@@ -11,10 +11,10 @@ from typing import Any
 
 from atmoref.judge.bench.clock import NOTHING, Replay, Seconds, interleaved, resized
 from atmoref.judge.bench.variants import variant
+from atmoref.memory import OutOfMemory
 from atmoref.scene import Scene, SceneError
 from atmoref.techniques import TECHNIQUES
 from atmoref.techniques.render import technique_name
-from atmoref.techniques.setting import OutOfMemory
 
 # what a process of its own prints: the peak of one that has rendered nothing else
 _PEAK = """
