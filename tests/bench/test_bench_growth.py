@@ -8,15 +8,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from atmoref.judge.bench.growth import LINEAR, measure_growth
 from atmoref.scene import load_scene
 
-FALLS = "0.86 to 0.88: in larger pictures more waves find their texels side by side and need no gather"
-AXES = [
-    pytest.param(axis, marks=pytest.mark.xfail(reason=FALLS, strict=True)) if axis == "pixels" else axis
-    for axis in LINEAR
-]
-
 
 @pytest.mark.benchmark(group="growth, skips off")
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", LINEAR)
 def test_bench_growth_is_linear(benchmark: BenchmarkFixture, axis: str) -> None:
     scene = load_scene("fig4c", ["technique.preset=corrected"])
     growth = measure_growth(scene, axis, steps=5, width=96, rounds=7)
