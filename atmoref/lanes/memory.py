@@ -98,39 +98,69 @@ def _permutes(ctx: Any, element: Any) -> bool:
     return N == 16 and element.bitwidth == 32 and "+avx512f" in getattr(ctx.codegen(), "_tm_features", "")
 
 
+class _Window:
+    """The 2 N or 4 N elements of a table from its lowest index on, as N-wide loads to permute."""
+
+    def __init__(self, b: Any, base: ir.Value, room: ir.Value, index: ir.Value) -> None:
+        """`room` elements of the table may stand before the window."""
+        self.b, self.wide = b, ir.VectorType(base.type.pointee, N)
+        first, last = b.extract_element(index, INT32(0)), b.extract_element(index, INT32(N - 1))
+        low = b.select(b.icmp_signed("<", first, last), first, last)
+        low = b.select(b.icmp_signed("<", low, room), low, room)
+        self.base, self.low, self.offset = base, low, b.sub(index, splat(b, low))
+
+    def holds(self, size: int) -> ir.Value:
+        """Return whether all lanes' elements are among the first `size`."""
+        near = self.b.icmp_unsigned("<", self.offset, constant(self.offset.type, size))
+        mask = self.b.bitcast(near, ir.IntType(N))
+        return self.b.icmp_unsigned("==", mask, mask.type(-1))
+
+    def pick(self, count: int, loads: int) -> list[ir.Value]:
+        """Return the elements at offset + 0 ... count - 1 out of 2 or 4 loads."""
+        b = self.b
+        start = b.bitcast(b.gep(self.base, [b.sext(self.low, INT64)]), self.wide.as_pointer())
+        window = [b.load(b.gep(start, [INT32(i)]), align=4) for i in range(loads)]
+        name = f"llvm.x86.avx512.vpermi2var.{'ps' if isinstance(self.wide.element, ir.FloatType) else 'd'}.512"
+        picked = []
+        for i in range(count):
+            place = b.add(self.offset, constant(self.offset.type, i))
+            pairs = zip(window[::2], window[1::2], strict=True)
+            halves = [call_llvm(b, name, self.wide, [low, place, high]) for low, high in pairs]
+            upper = b.icmp_unsigned(">=", place, constant(place.type, 2 * N))
+            picked.append(halves[0] if loads == 2 else b.select(upper, halves[1], halves[0]))
+        return picked
+
+
 def _emit_near(ctx: Any, b: Any, sig: Any, a: Any, kind: ir.Type, count: int) -> list[ir.Value]:
-    """Load 2 N elements and pick table[index + 0 ... count - 1] out of them, or gather where these are too few."""
+    """Return table[index + 0 ... count - 1], each out of a window of 2 N or 4 N elements, or else by a gather."""
     array = ctx.make_array(sig.args[0])(ctx, b, a[0])
-    base, index, wide = b.bitcast(array.data, kind.as_pointer()), a[1], ir.VectorType(kind, N)
-    room = b.trunc(b.sub(array.nitems, array.nitems.type(2 * N)), INT32)
-    first, last = b.extract_element(index, INT32(0)), b.extract_element(index, INT32(N - 1))
-    low = b.select(b.icmp_signed("<", first, last), first, last)
-    low = b.select(b.icmp_signed("<", low, room), low, room)
-    offset = b.sub(index, splat(b, low))
-    near = b.bitcast(b.icmp_unsigned("<", offset, constant(offset.type, 2 * N + 1 - count)), ir.IntType(N))
-    near = b.and_(b.icmp_unsigned("==", near, near.type(-1)), b.icmp_signed(">=", room, INT32(0)))
-    permute = f"llvm.x86.avx512.vpermi2var.{'ps' if isinstance(kind, ir.FloatType) else 'd'}.512"
-    with b.if_else(near) as (then, otherwise):
-        with then:
-            start = b.bitcast(b.gep(base, [b.sext(low, INT64)]), wide.as_pointer())
-            window = b.load(start, align=4), b.load(b.gep(start, [INT32(1)]), align=4)
-            places = [b.add(offset, constant(offset.type, i)) for i in range(count)]
-            picked = [call_llvm(b, permute, wide, [window[0], place, window[1]]) for place in places]
-            inside = b.block
-        with otherwise:
-            places = [b.add(index, constant(index.type, i)) for i in range(count)]
-            gathered = [_emit_gather(b, base, place, kind, kind, 4) for place in places]
-            outside = b.block
-    results = [b.phi(wide) for _ in range(count)]
-    for result, here, there in zip(results, picked, gathered, strict=True):
-        result.add_incoming(here, inside)
-        result.add_incoming(there, outside)
+    base, index = b.bitcast(array.data, kind.as_pointer()), a[1]
+    room = b.trunc(b.sub(array.nitems, array.nitems.type(4 * N)), INT32)
+    window = _Window(b, base, room, index)
+    enough = b.icmp_signed(">=", room, INT32(0))
+    join = b.append_basic_block("joined")
+    ways = []
+    for loads in (2, 4):
+        inside, outside = b.append_basic_block("near"), b.append_basic_block("apart")
+        b.cbranch(b.and_(window.holds(loads * N + 1 - count), enough), inside, outside)
+        b.position_at_end(inside)
+        ways.append((window.pick(count, loads), b.block))
+        b.branch(join)
+        b.position_at_end(outside)
+    places = [b.add(index, constant(index.type, i)) for i in range(count)]
+    ways.append(([_emit_gather(b, base, place, kind, kind, 4) for place in places], b.block))
+    b.branch(join)
+    b.position_at_end(join)
+    results = [b.phi(window.wide) for _ in range(count)]
+    for lanes, block in ways:
+        for result, lane in zip(results, lanes, strict=True):
+            result.add_incoming(lane, block)
     return results
 
 
 @instruction
 def gather_near(typing: Any, table: Any, index: Any) -> Any:
-    """Return what `gather` returns, sooner where all lanes read from 2 N neighbours of a table.
+    """Return what `gather` returns, sooner where all lanes read from 4 N neighbours of a table, or 2 N.
 
     Neighbouring pixels read neighbouring texels, and a texture's rows often run along the picture's.  A gather of 16
     elements takes 30 cycles, two loads and a permutation a third of that (measured on Sapphire Rapids).
@@ -180,7 +210,7 @@ def gather_pair(typing: Any, table: Any, index: Any) -> Any:
 
 @instruction
 def gather_pair_near(typing: Any, table: Any, index: Any) -> Any:
-    """Return what `gather_pair` returns, sooner where all lanes read from 2 N neighbours of a table."""
+    """Return what `gather_pair` returns, sooner where all lanes read from 4 N neighbours of a table, or 2 N."""
     signature, elsewhere = _gather_pair(table, index, "gather_pair_near")
     element = _element(table)
 

@@ -69,13 +69,13 @@ def test_gathers(kind: type) -> None:
     np.testing.assert_array_equal(second, expected[index + 1])
 
 
-@pytest.mark.parametrize("size", [3, N, 2 * N - 1, 2 * N, 2 * N + 1, 1001])
+@pytest.mark.parametrize("size", [3, N, 2 * N - 1, 2 * N + 1, 4 * N - 1, 4 * N, 4 * N + 1, 1001])
 @pytest.mark.parametrize("kind", ELEMENTS)
 def test_gathers_from_neighbours(kind: type, size: int) -> None:
-    """Every width of a wave's footprint up to more than 2 N, rising, falling, mixed, one lane astray, at both ends."""
+    """Every width of a wave's footprint up to more than 4 N, rising, falling, mixed, one lane astray, at both ends."""
     table, rng = content(kind, size), np.random.default_rng(23)
     waves = []
-    for width in range(1, min(2 * N + 3, size)):
+    for width in range(1, min(4 * N + 3, size)):
         for start in {0, (size - 1 - width) // 2, size - 1 - width}:
             lanes = np.sort(rng.integers(0, width, N))
             lanes[[0, -1]] = 0, width - 1

@@ -64,12 +64,15 @@ def series(scene: Scene, axis: str, steps: int, width: int) -> tuple[str, list[S
     steps : int
         Number of scenes.
     width : int
-        Pixels; a multiple of the lane width leaves no lane idle. The image is one and a half times as high.
+        Pixels; a multiple of 32 leaves no lane idle. The image is one and a half times as high. Along "pixels" both
+        sides grow, for the field of view is the height's: a picture that only got taller would see another part of
+        the scene.
     """
     small = _sized(scene, width, width * 3 // 2)
     if axis == "pixels":
         full = variant(scene, "beams", skip=False)
-        return "beams", [_sized(full, width, width * 3 // 2 * 2**i) for i in range(steps)]
+        widths = [width * (2 + i % 2) * 2 ** (i // 2) // 2 for i in range(steps)]
+        return "beams", [_sized(full, w, w * 3 // 2) for w in widths]
     if axis == "planes":
         return "beams_vertex", [variant(small, "beams_vertex", skip=False, planes=40 * 2**i) for i in range(steps)]
     if axis == "sub-planes":
