@@ -71,12 +71,12 @@ bench: $(DEVELOP)
 	$(BIN)/python validation/bench.py -o out/bench
 	$(BIN)/python -m pytest -o addopts= -p no:cacheprovider -p no:xdist tests/bench --benchmark-only -q
 
-# Optional: Mesa's software OpenGL device, on which the GL builds of validation/gl run headless; a browser in which the
+# Optional: Mesa's software devices, on which the builds of validation/gl and validation/vulkan run headless; a browser in which the
 # reports are opened; an independent reader of KTX2 files under Node.
 system-deps:
 	@sudo=; if [ "$$(id -u)" != 0 ]; then sudo=sudo; fi; node=; command -v npm >/dev/null || node='nodejs npm'; \
 	$$sudo apt-get update && $$sudo apt-get install --yes --no-install-recommends \
-		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2 chromium $$node && \
+		libegl1 libgl1 libgl1-mesa-dri libegl-mesa0 libgles2 libvulkan1 mesa-vulkan-drivers chromium $$node && \
 	npm install --silent --no-fund --no-audit --no-save --prefix .node ktx-parse@1
 
 clean:

@@ -1,9 +1,10 @@
-"""Render a scene with OpenGL and with the mirror, compare them stage by stage, and time both.
+"""Render a scene with OpenGL or Vulkan and with the mirror, compare them stage by stage, and time both.
 
     python validation/gl/run.py fig4c --format unorm8 --format float32 --stages
     python validation/gl/run.py fig4b --time
+    python validation/gl/run.py fig4c --api vulkan --set technique.coordinates=pixel
 
-Exit codes: 0 all well, 1 fewer pixels agree than --least asks for, 2 the request is wrong, 3 no OpenGL here.
+Exit codes: 0 all well, 1 fewer pixels agree than --least asks for, 2 the request is wrong, 3 no such device here.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--format", action="append", choices=FORMATS, help="of the frame; may be repeated")
     parser.add_argument("--technique", help="instead of the scene's own")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene")
+    parser.add_argument("--api", choices=("opengl", "vulkan"), default="opengl", help="which build (default opengl)")
     parser.add_argument("--stages", action="store_true", help="one line a stage, each on the mirror's own input")
     parser.add_argument("--time", action="store_true", help="time the planes: CPU, one thread each, in turns")
     parser.add_argument("--runs", type=int, default=11, help="of the timing (default 11)")
@@ -37,11 +39,20 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--scissor", action="store_true", help="OpenGL draws planes only where the light can reach")
     parser.add_argument("--mesh-in-shader", action="store_true", help="the fragment interpolates, within the triangle")
     parser.add_argument("--least", type=float, default=0.0, help="least fraction of equal pixels for exit code 0")
-    return parser.parse_args(given)
+    asked = parser.parse_args(given)
+    own = ("time", "native_exp", "no_discard", "scissor", "mesh_in_shader")
+    wrong = [f"--{name.replace('_', '-')}" for name in own if getattr(asked, name)]
+    if asked.api == "vulkan" and wrong:
+        parser.error(f"{', '.join(wrong)}: of the OpenGL build alone")
+    return asked
 
 
-def device(asked: argparse.Namespace) -> tuple[Any, Any]:
-    """Return a context and a function that makes a build of a case."""
+def device(asked: argparse.Namespace) -> tuple[str, Any]:
+    """Return the device's name and a function that makes a build of a case."""
+    if asked.api == "vulkan":
+        vulkan = importlib.import_module("validation.vulkan.build")
+        gpu = vulkan.context()
+        return vulkan.name_of(gpu), lambda case: vulkan.Build(gpu, case)
     build = importlib.import_module("validation.gl.build")
     ctx = build.context()
 
@@ -51,7 +62,7 @@ def device(asked: argparse.Namespace) -> tuple[Any, Any]:
             mesh_in_shader=asked.mesh_in_shader,
         )  # fmt: skip
 
-    return ctx, make
+    return f"{ctx.info['GL_RENDERER']}, OpenGL {ctx.info['GL_VERSION']}", make
 
 
 def line(found: Any) -> str:
@@ -93,14 +104,14 @@ def main(given: Sequence[str] | None = None) -> int:
     """Run; return the exit code."""
     asked = arguments(given)
     try:
-        ctx, make = device(asked)
+        name, make = device(asked)
     except ImportError as missing:
         print(f"error: {missing}; install the extra: pip install 'atmoref[gpu]'", file=sys.stderr)
         return 3
     except Exception as failure:  # moderngl raises its own, without a common base
-        print(f"error: no OpenGL context ({failure}); install Mesa: make system-deps", file=sys.stderr)
+        print(f"error: no {asked.api} device ({failure}); install Mesa: make system-deps", file=sys.stderr)
         return 3
-    print(f"{ctx.info['GL_RENDERER']}, OpenGL {ctx.info['GL_VERSION']}")
+    print(name)
     least = 1.0
     try:
         for fmt in asked.format or [None]:

@@ -1,0 +1,1 @@
+"""A Vulkan build of `beams`, in WGSL through wgpu."""
