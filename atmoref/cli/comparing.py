@@ -50,6 +50,9 @@ def compare(
         list[str] | None, typer.Option(metavar="X,Y,W,H", help="Leave out a rectangle; may be repeated.")
     ] = None,
     peak: Annotated[float | None, typer.Option(metavar="X", help="Peak of PSNR; default: 1, or the maximum.")] = None,
+    perceptual: Annotated[
+        Literal["auto", "all", "none"], typer.Option(help="SSIM and FLIP; all: HDR-FLIP as well, which takes longer.")
+    ] = "auto",
     picture: Annotated[
         Path | None, typer.Option(metavar="F.png", help="Draw the difference: red too bright, blue too dark.")
     ] = None,
@@ -83,8 +86,9 @@ def compare(
     judged = judged_pixels(mask, ignore or (), images[1].shape)
     asked = Limits(limits, codes, absolute, relative)
     verdict = judge(
-        images[0], images[1], bounds=limits, codes=codes, abs=absolute, rel=relative, mask=judged, peak=peak
-    )
+        images[0], images[1], bounds=limits, codes=codes, abs=absolute, rel=relative, mask=judged, peak=peak,
+        perceptual_metrics=perceptual,
+    )  # fmt: skip
     if picture is not None:
         write(picture, difference_image(images[0], images[1]))
     for path in report or ():

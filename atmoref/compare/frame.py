@@ -85,9 +85,13 @@ def plane_mask(mask: Image | ArrayLike | None, shape: tuple[int, int]) -> NDArra
 
 def refuse_blank(test: Frame, reference: Frame, mask: NDArray[np.bool_]) -> None:
     """Refuse a test of one colour where the reference is a picture: nothing was drawn, or the wrong buffer was read."""
-    tested, expected = test.values[mask], reference.values[mask]
-    if np.all(tested == tested[0]) and not np.all(expected == expected[0]):
-        colour = ", ".join(f"{value:.6g}" for value in tested[0])
+    first = np.unravel_index(int(mask.argmax()), mask.shape)
+
+    def blank(values: NDArray[np.float64]) -> bool:
+        return bool(np.all((values == values[first]).all(-1) | ~mask))
+
+    if blank(test.values) and not blank(reference.values):
+        colour = ", ".join(f"{value:.6g}" for value in test.values[first])
         raise CompareError(f"the test is blank ({colour} in every pixel) while the reference is not")
 
 

@@ -101,4 +101,5 @@ def _clips(frame: Frame) -> bool:
 
 
 def _rms(difference: NDArray[np.float64], mask: NDArray[np.bool_]) -> float:
-    return math.sqrt(float(np.mean(np.square(difference[mask]))))
+    judged = difference if mask.all() else difference[mask]
+    return math.sqrt(float(np.mean(np.square(judged))))

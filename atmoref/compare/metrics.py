@@ -42,13 +42,17 @@ def place_of_worst(size: NDArray[np.float64], test: Frame, reference: Frame, mas
     )
 
 
-def default_peak(test: Frame, reference: Frame, mask: NDArray[np.bool_]) -> float:
-    """Return 1 where both frames lie in [0, 1], else the largest reference value if it is positive, else 1."""
-    low = min(test.values[mask].min(), reference.values[mask].min())
-    high = max(test.values[mask].max(), reference.values[mask].max())
-    if low >= 0.0 and high <= 1.0:
+def channels_first(values: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the judged elements of (H, W, C) as (C, judged pixels), each channel in one piece."""
+    flat = values.reshape(-1, values.shape[2]) if mask.all() else values[mask]
+    return np.ascontiguousarray(flat.T)
+
+
+def default_peak(test: NDArray[np.float64], reference: NDArray[np.float64]) -> float:
+    """Return 1 where both lie in [0, 1], else the largest reference value if it is positive, else 1."""
+    top = float(reference.max())
+    if min(test.min(), reference.min()) >= 0.0 and max(float(test.max()), top) <= 1.0:
         return 1.0
-    top = float(reference.values[mask].max())
     return top if top > 0.0 else 1.0
 
 
@@ -66,10 +70,11 @@ def norms(test: NDArray[np.float64], reference: NDArray[np.float64], peak: float
     difference = test - reference
     size = np.abs(difference)
     mean_square = float(np.mean(np.square(difference)))
-    relative = size[reference != 0.0] / np.abs(reference[reference != 0.0])
+    height = np.abs(reference)
+    relative = _ratios(size, height, height > 0.0)
     clipped = np.clip(reference, 0.0, 1.0)
     clipped_size = np.abs(np.clip(test, 0.0, 1.0) - clipped)
-    bright = clipped > DARK
+    bright = _ratios(clipped_size, clipped, clipped > DARK)
     return {
         "max_abs": float(size.max()),
         "mean_abs": float(size.mean()),
@@ -77,14 +82,17 @@ def norms(test: NDArray[np.float64], reference: NDArray[np.float64], peak: float
         "rms": math.sqrt(mean_square),
         "max_rel": float(relative.max()) if relative.size else math.nan,
         "mean_rel": float(relative.mean()) if relative.size else math.nan,
-        "sum_ratio": _ratio(float(size.sum()), float(np.abs(reference).sum())),
+        "sum_ratio": _ratio(float(size.sum()), float(height.sum())),
         "psnr_db": math.inf if mean_square == 0.0 else 10.0 * math.log10(peak * peak / mean_square),
         "clipped_mean": float(clipped_size.mean()),
         "clipped_sum_ratio": _ratio(float(clipped_size.sum()), float(clipped.sum())),
-        f"mean_relative_above_{DARK}": float((clipped_size[bright] / clipped[bright]).mean())
-        if bright.any()
-        else math.nan,
+        f"mean_relative_above_{DARK}": float(bright.mean()) if bright.size else math.nan,
     }
+
+
+def _ratios(part: NDArray[np.float64], whole: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return part / whole of the elements in `where`."""
+    return part / whole if where.all() else part[where] / whole[where]
 
 
 def codes_off(test: Frame, reference: Frame, mask: NDArray[np.bool_]) -> dict[str, int] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 import numpy as np
@@ -24,9 +25,10 @@ def perceptual(
     """Return the measures, SSIM per channel, and notes on what was fed to them.
 
     ``ssim``: Gaussian window of 11 pixels (sigma 1.5), data range `peak`, mean over judged pixels and channels.
-    ``flip``: LDR-FLIP of what a display shows, codes as they are and linear values clipped and sRGB-encoded.
-    ``hdr_flip``: of linear values, ACES, at stated exposures. "auto" takes SSIM and the FLIP that fits: HDR where
-    linear values leave [0, 1].
+    ``flip``: LDR-FLIP of what a display shows: codes as they are, linear values sRGB-encoded, clipped where they stay
+    in [0, 1] and tone-mapped (ACES, the brightest pixel near white) where they leave it.
+    ``hdr_flip``: of linear values, ACES, the worst of many exposures, each of which takes as long as all the rest;
+    with "all" alone.
     """
     measures: dict[str, float] = {}
     channels: dict[str, float] = {}
@@ -44,18 +46,24 @@ def perceptual(
         notes.append("no FLIP: the channels are no colours")
         return measures, channels, notes
     shown = test.shown or reference.shown
+    if shown:
+        measures["flip"] = ldr_flip(left, right, mask)
+        notes.append("FLIP of the codes as shown")
+        return measures, channels, notes
+    exposures = flip_exposures(right)
     leaves = bool(max(left[mask].max(), right[mask].max()) > 1.0)
-    if which == "all" or shown or not leaves:
-        colours = (left, right) if shown else (srgb_encode(_unit(left)), srgb_encode(_unit(right)))
-        measures["flip"] = ldr_flip(*colours, mask)
-        notes.append("FLIP of the " + ("codes as shown" if shown else "values clipped to [0, 1] and sRGB-encoded"))
-    if not shown and (which == "all" or leaves):
-        exposures = flip_exposures(right)
-        if exposures is None:
-            notes.append("no HDR-FLIP: the reference is black")
-        else:
-            measures["hdr_flip"] = hdr_flip(left, right, exposures, mask)
-            notes.append(f"HDR-FLIP from exposure {exposures[0]:+.3f} to {exposures[1]:+.3f} (powers of 2), ACES")
+    if leaves and exposures is not None:
+        toned = [tone_mapped(colours, exposures[0]) for colours in (left, right)]
+        notes.append(f"FLIP of the values at exposure {exposures[0]:+.3f} (powers of 2), ACES, sRGB-encoded")
+    else:
+        toned = [_unit(left), _unit(right)]
+        notes.append("FLIP of the values clipped to [0, 1] and sRGB-encoded")
+    measures["flip"] = ldr_flip(srgb_encode(toned[0]), srgb_encode(toned[1]), mask)
+    if which == "all" and exposures is None:
+        notes.append("no HDR-FLIP: the reference is black")
+    elif which == "all" and exposures is not None:
+        measures["hdr_flip"] = hdr_flip(left, right, exposures, mask)
+        notes.append(f"HDR-FLIP from exposure {exposures[0]:+.3f} to {exposures[1]:+.3f} (powers of 2), ACES")
     return measures, channels, notes
 
 
@@ -68,19 +76,20 @@ def ssim(
     """
     from skimage.metrics import structural_similarity
 
-    means = []
-    for channel in range(reference.shape[2]):
+    def mean(channel: int) -> float:
         _, local = structural_similarity(
-            reference[..., channel],
-            test[..., channel],
+            np.ascontiguousarray(reference[..., channel]),
+            np.ascontiguousarray(test[..., channel]),
             data_range=peak,
             gaussian_weights=True,
             sigma=1.5,
             use_sample_covariance=False,
             full=True,
         )
-        means.append(float(local[mask].mean()))
-    return means
+        return float(local[mask].mean())
+
+    with ThreadPoolExecutor() as pool:  # filters let go of the interpreter
+        return list(pool.map(mean, range(reference.shape[2])))
 
 
 def ldr_flip(test: NDArray[np.float64], reference: NDArray[np.float64], mask: NDArray[np.bool_]) -> float:
@@ -105,6 +114,13 @@ def hdr_flip(
     stated = {"startExposure": exposures[0], "stopExposure": exposures[1]}
     local = flip_evaluator.evaluate(right, left, "HDR", applyMagma=False, computeMeanError=False, parameters=stated)[0]
     return float(local[..., 0][mask].mean(dtype=np.float64))
+
+
+def tone_mapped(colours: NDArray[np.float64], exposure: float) -> NDArray[np.float64]:
+    """Return linear colours after the ACES curve that HDR-FLIP uses, at an exposure in powers of 2."""
+    a, b, c, d, e, f = _ACES
+    x = np.clip(colours * 2.0**exposure, 0.0, 1e6)  # white long before
+    return _unit((x * (a * x + b) + c) / (x * (d * x + e) + f))
 
 
 def flip_exposures(reference: NDArray[np.float64]) -> tuple[float, float] | None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from atmoref.compare.frame import CompareError, pair, plane_mask, refuse_blank
 from atmoref.compare.hints import find_hints
 from atmoref.compare.limits import Bounds, Limit, Limits, judge
-from atmoref.compare.metrics import Place, codes_off, default_peak, norms, place_of_worst
+from atmoref.compare.metrics import Place, channels_first, codes_off, default_peak, norms, place_of_worst
 from atmoref.compare.perceptual import Perceptual, perceptual
 from atmoref.images import Image
 
@@ -124,17 +124,16 @@ def compare(
         refuse_blank(left, right, judged)
     outcomes = judge(limits, left, right, judged)
     passed = all(outcome.passed for outcome in outcomes) if outcomes else None
-    top = default_peak(left, right, judged) if peak is None else _checked_peak(peak)
+    tested, expected = channels_first(left.values, judged), channels_first(right.values, judged)
+    top = default_peak(tested, expected) if peak is None else _checked_peak(peak)
     seen, similarity, told = perceptual(left, right, judged, top, perceptual_metrics)
-    per_channel = {
-        name: norms(left.values[judged][:, at], right.values[judged][:, at], top) for at, name in enumerate(left.names)
-    }
+    per_channel = {name: norms(tested[at], expected[at], top) for at, name in enumerate(left.names)}
     for name, value in similarity.items():
         per_channel[name]["ssim"] = value
     return Verdict(
         passed=passed,
         limits=outcomes,
-        metrics=norms(left.values[judged], right.values[judged], top) | seen,
+        metrics=norms(tested, expected, top) | seen,
         per_channel=per_channel,
         worst=place_of_worst(np.abs(left.values - right.values), left, right, judged),
         codes_off=codes_off(left, right, judged),

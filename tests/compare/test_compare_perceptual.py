@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 
 import flip_evaluator
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from skimage.metrics import structural_similarity
 
 from atmoref.compare import CompareError, amplified_image, compare, difference_image
@@ -57,10 +59,39 @@ def test_hdr_flip_is_the_librarys_with_the_librarys_exposures() -> None:
     _, expected, used = flip_evaluator.evaluate(*pair, "HDR", applyMagma=False)
     exposures = flip_exposures(pair[0].astype(np.float64))
     assert exposures == pytest.approx((used["startExposure"], used["stopExposure"]), abs=1e-3)
-    verdict = compare(pair[1], pair[0])
+    verdict = compare(pair[1], pair[0], perceptual_metrics="all")
     assert verdict.metrics["hdr_flip"] == pytest.approx(expected, abs=1e-4)
-    assert "flip" not in verdict.metrics
-    assert {"flip", "hdr_flip"} < compare(pair[1], pair[0], perceptual_metrics="all").metrics.keys()
+    assert verdict.metrics["flip"] < verdict.metrics["hdr_flip"]
+
+
+def test_flip_beyond_one_is_that_of_one_exposure_of_hdr_flip() -> None:
+    pair = [(3.0 * image + 0.01).astype(np.float32) for image in (REFERENCE, TEST)]
+    start = flip_exposures(pair[0].astype(np.float64))[0]
+    alone = {"startExposure": start, "stopExposure": start}
+    _, expected, _ = flip_evaluator.evaluate(*pair, "HDR", applyMagma=False, parameters=alone)
+    verdict = compare(pair[1], pair[0])
+    assert verdict.metrics["flip"] == pytest.approx(expected, abs=1e-4)
+    assert "hdr_flip" not in verdict.metrics
+    assert any("ACES" in note for note in verdict.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["codes", "values", "values beyond 1"])
+def test_a_picture_of_usual_size_takes_less_than_a_second(kind: str) -> None:
+    reference = np.clip(gaussian_filter(RNG.random((480, 720, 3)), (4, 4, 0)) * 4.0 - 1.5, 0.0, 1.0)
+    test = np.clip(reference + 0.01 * RNG.standard_normal(reference.shape), 0.0, 1.0)
+    pair = [test, reference]
+    if kind == "codes":
+        pair = [np.rint(255.0 * image).astype(np.uint8) for image in pair]
+    if kind == "values beyond 1":
+        pair = [20.0 * image for image in pair]
+    compare(*pair)
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        assert compare(*pair, abs=1.0).metrics["rms"] > 0.0
+        times.append(time.perf_counter() - start)
+    assert min(times) < 1.0, times
 
 
 def test_flip_of_black_against_white_is_near_its_maximum() -> None:
