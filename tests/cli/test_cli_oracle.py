@@ -130,3 +130,32 @@ def test_a_pack_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     refused(run("export", "quick", *CHEAP, "-o", tmp_path / "mine"), 2, "holds other files")
     assert listing(tmp_path / "mine") == {"x"}
     assert {path.name for path in tmp_path.iterdir()} == {"pack", "mine"}
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".exr"])
+def test_bounds_hold_what_their_device_draws(tmp_path: Path, suffix: str) -> None:
+    """Of the scene's device alone, or of any: another device's picture lies in the envelope, and not in the first's."""
+    own, other = tmp_path / "own.npz", tmp_path / "other.npz"
+    device, envelope = tmp_path / f"device{suffix}", tmp_path / f"envelope{suffix}"
+    well("render", "quick", *CHEAP, "-o", own)
+    well("render", "quick", *CHEAP, "--set", "buffers.device=geforce_fx", "-o", other)
+    told = json.loads(well("bounds", "quick", *CHEAP, "-o", device, "--json").out)
+    wide = json.loads(well("bounds", "quick", *CHEAP, "--interval", "envelope", "-o", envelope, "--json").out)
+    assert (told["interval"], wide["interval"]) == ("device", "envelope")
+    assert 0.0 <= told["median"] <= told["percent_99"] <= told["greatest"] < wide["greatest"]
+    assert wide["decided"] < told["decided"] <= 1.0
+    assert "decided" in well("bounds", "quick", *CHEAP).out
+
+    def judged(picture: Path, bounds: Path) -> int:
+        return run("compare", picture, own, "--bounds", bounds, bounds).code
+
+    assert [judged(own, device), judged(own, envelope)] == [0, 0]
+    assert [judged(other, device), judged(other, envelope)] == [1, 0]
+
+
+def test_wrong_bounds_are_refused(tmp_path: Path) -> None:
+    refused(run("bounds", "quick", "--technique", "truth"), 2, "bounds", "a technique")
+    refused(run("bounds", "quick", *CHEAP, "--interval", "exact"), 2, "--interval", "envelope")
+    refused(run("bounds", "quick", *CHEAP, "-o", tmp_path / "b.png"), 2, "-o", ".npz")
+    refused(run("bounds", "quick", *CHEAP, "--crop", "0,0,25,1"), 2, "24 x 36")
+    assert listing(tmp_path) == set()

@@ -6,6 +6,7 @@ language and another compiler.  Coordinates are per pixel.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from typing import Any
 
@@ -16,6 +17,7 @@ os.environ.setdefault("LP_NUM_THREADS", "1")  # lavapipe reads it once
 os.environ.setdefault("XDG_RUNTIME_DIR", "/tmp")  # Mesa asks for one, and never writes there
 
 import wgpu
+from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from atmoref.stages.beam_planes import BeamUniforms
 from atmoref.stages.main_plane import DT_PAPER
@@ -44,6 +46,8 @@ def context() -> Any:
     Missing
         If there is none.
     """
+    with contextlib.suppress(RuntimeError):  # of a second call: the instance is there
+        set_instance_extras(backends=["Vulkan"])  # OpenGL's would take the thread's context from another program
     for adapter in wgpu.gpu.enumerate_adapters_sync():
         if adapter.info["backend_type"] == "Vulkan" and set(FEATURES) <= set(adapter.features):
             return adapter.request_device_sync(required_features=list(FEATURES))
