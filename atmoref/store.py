@@ -1,8 +1,9 @@
 """Files that are written whole or not at all, and the store of tables that are built on first use.
 
-A table is known by what it was built from: a kind, a version of its builder and parameters.  It lies in the user's
-cache as an NPZ with a SHA-256 of its content inside.  Two processes that want the same table build it once; a damaged
-file is noticed, reported and built again; a builder that is interrupted or killed leaves nothing that is read later.
+A table is known by what it was built from: a kind, a version of its builder and parameters.  It comes with the package
+(`luts/`) or lies in the user's cache, as an NPZ with a SHA-256 of its content inside.  Two processes that want the same
+table build it once; a damaged file is noticed, reported and built again; a builder that is interrupted or killed leaves
+nothing that is read later.
 """
 
 import contextlib
@@ -38,9 +39,12 @@ __all__ = [
     "list_tables",
     "load_or_build",
     "read_npz",
+    "shipped_directory",
+    "shipped_entry",
     "table_key",
     "verify_tables",
     "write_npz",
+    "write_table",
 ]
 
 Arrays = dict[str, NDArray[Any]]
@@ -279,10 +283,11 @@ def load_or_build(
         If kind, parameters or the built arrays are not of the kinds that can be stored.
     """
     text = _describe(kind, version, parameters)
-    path = _directory() / f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
-    found = _try_read(path, text)
-    if found is not None:
-        return found
+    path = _directory() / _file_name(kind, text)
+    for place in (shipped_directory(), path.parent):
+        found = None if place is None else _try_read(place / path.name, text)
+        if found is not None:
+            return found
     with _locked(path):
         found = _try_read(path, text)
         if found is not None:
@@ -290,6 +295,32 @@ def load_or_build(
         arrays = {name: np.array(array, order="C") for name, array in build().items()}
         _keep(path, text, arrays, must_keep)
         return arrays
+
+
+def _file_name(kind: str, text: str) -> str:
+    return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
+
+
+def shipped_directory() -> Path | None:
+    """Return where the tables that come with the package lie: inside an installed copy, beside one in a repository."""
+    package = Path(__file__).parent
+    return next((place for place in (package / "luts", package.parent / "luts") if place.is_dir()), None)
+
+
+def write_table(
+    directory: Path, kind: str, version: int, parameters: Parameters, arrays: Mapping[str, NDArray[Any]]
+) -> TableEntry:
+    """Write a table under its name into any directory and return what was written; the same arrays, the same bytes."""
+    text = _describe(kind, version, parameters)
+    path = directory / _file_name(kind, text)
+    _keep(path, text, {name: np.array(array, order="C") for name, array in arrays.items()}, must_keep=True)
+    return _entry(path)
+
+
+def shipped_entry(kind: str, version: int, parameters: Parameters) -> TableEntry | None:
+    """Return the shipped table of these parameters, or None if none is shipped."""
+    place, name = shipped_directory(), _file_name(kind, _describe(kind, version, parameters))
+    return None if place is None or not (place / name).is_file() else _entry(place / name)
 
 
 def _try_read(path: Path, text: str) -> Arrays | None:
@@ -331,9 +362,10 @@ def _locked(path: Path) -> Iterator[None]:
         lock.release()
 
 
-def list_tables() -> list[TableEntry]:
-    """Return the tables in the cache, by name; damaged ones with their problem."""
-    return [_entry(path) for path in sorted(_directory().glob("*.npz")) if not path.name.startswith(".")]
+def list_tables(directory: Path | None = None) -> list[TableEntry]:
+    """Return the tables in a directory (the cache), by name; damaged ones with their problem."""
+    place = _directory() if directory is None else directory
+    return [_entry(path) for path in sorted(place.glob("*.npz")) if not path.name.startswith(".")]
 
 
 def verify_tables() -> list[TableEntry]:

@@ -87,6 +87,7 @@ def _processor() -> dict[str, Any]:
 def _cache() -> dict[str, Any]:
     from atmoref._cache import cache_root, writable_root
     from atmoref._jit import CACHE_DIRECTORY
+    from atmoref.store import shipped_directory
 
     wanted, used = cache_root(), writable_root()
     return {
@@ -95,17 +96,8 @@ def _cache() -> dict[str, Any]:
         "kernel_key": CACHE_DIRECTORY.name,
         "kernels": f"{sum(1 for _ in CACHE_DIRECTORY.rglob('*.nbc'))} compiled, {_megabytes(CACHE_DIRECTORY):.1f} MB",
         "tables": f"{sum(1 for _ in (used / 'tables').glob('*.npz'))}, {_megabytes(used / 'tables'):.1f} MB",
-        "shipped_tables": str(_shipped()),
+        "shipped_tables": str(shipped_directory() or "missing"),
     }
-
-
-def _shipped() -> Path | str:
-    """Return where the tables that come with the package lie: inside an installed copy, beside one in a repository."""
-    import atmoref
-
-    package = Path(atmoref.__file__).parent
-    places = (package / "luts", package.parent / "luts")
-    return next((place for place in places if place.is_dir()), "missing")
 
 
 def _megabytes(directory: Path) -> float:

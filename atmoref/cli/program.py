@@ -25,6 +25,7 @@ from atmoref.cli import (
     judging,
     looking,
     rendering,
+    scattering,
     storing,
     tracing,
 )
@@ -56,7 +57,13 @@ _TABLE_COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
     ("build", storing.build),
     ("list", storing.list_),
     ("verify", storing.verify),
+    ("export", storing.export),
     ("clear", storing.clear),
+)
+
+_OPTICS_COMMANDS: tuple[tuple[str, Callable[..., None]], ...] = (
+    ("plot", scattering.plot),
+    ("table", scattering.table),
 )
 
 
@@ -98,10 +105,16 @@ def application() -> Any:
     app.callback(invoke_without_command=False)(_about)
     for name, command in _COMMANDS:
         app.command(name)(_flushed(command))
-    tables = typer.Typer(rich_markup_mode=None, no_args_is_help=True, help="Look-up tables in the user's cache.")
+    tables = typer.Typer(
+        rich_markup_mode=None, no_args_is_help=True, help="Look-up tables: shipped, and in the user's cache."
+    )
     for name, command in _TABLE_COMMANDS:
         tables.command(name)(_flushed(command))
     app.add_typer(tables, name="tables")
+    particles = typer.Typer(rich_markup_mode=None, no_args_is_help=True, help="Phase functions of particles.")
+    for name, command in _OPTICS_COMMANDS:
+        particles.command(name)(_flushed(command))
+    app.add_typer(particles, name="optics")
     return get_command(app)
 
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atmoref.optics.drops import CrossSections
+from atmoref.optics.drops import CrossSections, cosines
 from atmoref.optics.orders import Split
 from atmoref.optics.phase_functions import RAYLEIGH, evaluate
+from atmoref.optics.single import Progress, Single
 
 __all__ = ["AIR", "Molecules"]
 
@@ -45,6 +46,11 @@ class Molecules:
         whole = np.zeros(max(count, 3))
         whole[0], whole[2] = 1.0, 0.1
         return Split(0.0, whole[:count])
+
+    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
+        """Return light scattered once (see `Single`)."""
+        values = self.phase_function(cosines(angles_deg), wavelength_nm)
+        return Single(0.0, values, self.split(wavelength_nm, 3).rest)
 
 
 AIR = Molecules(extinction_m2=5.33e-31)

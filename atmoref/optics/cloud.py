@@ -8,4 +8,4 @@ from atmoref.optics.sizes import Lognormal
 
 __all__ = ["CLOUD"]
 
-CLOUD = Drops(Lognormal(median_m=10e-6, sigma_g=1.2), radii=1000, extinction_m2=6.28e-10)
+CLOUD = Drops(Lognormal(median_m=10e-6, sigma_g=1.2), radii=1000, extinction_m2=6.28e-10, size_error=0.0043)

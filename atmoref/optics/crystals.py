@@ -22,19 +22,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from atmoref.optics import legendre
 from atmoref.optics.crystal_kernels import DELTA, HIT, LOST, REFLECTED, rays_kernel
 from atmoref.optics.drops import cosines
 from atmoref.optics.orders import Split
 from atmoref.optics.refraction import air, ice
+from atmoref.optics.single import Progress, Single
 
-__all__ = ["Crystals", "Traced"]
+__all__ = ["Aggregate", "Crystals", "Traced"]
 
 Floats = NDArray[np.float64]
 
 BLOCK = 1 << 16  # rays traced together
+TABLE_RAYS = 96_000_000
+BIN_TERMS = 3000  # Legendre coefficients of bins of 0.1 degrees
 
 
 class Traced(NamedTuple):
@@ -63,6 +66,12 @@ class Traced(NamedTuple):
     def split(self, count: int) -> Split:
         """Return the whole phase function as peak and Legendre coefficients of the rest, exact for the bins."""
         return Split(self.whole_delta, legendre.of_bins(self.phase_function, self.edges_deg, count))
+
+    def single(self, angles_deg: ArrayLike, count: int = BIN_TERMS) -> Single:
+        """Return the whole as light scattered once (see `Single`)."""
+        middles = 0.5 * (self.edges_deg[:-1] + self.edges_deg[1:])
+        values = np.interp(np.asarray(angles_deg, np.float64), middles, self.phase_function)
+        return Single(self.whole_delta, values, self.split(count).rest)
 
     @property
     def whole_asymmetry(self) -> float:
@@ -114,6 +123,12 @@ class Crystals:
         """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
         return self.trace(wavelength_nm, 4_000_000).split(count)
 
+    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
+        """Return light scattered once (see `Single`), by `TABLE_RAYS` rays."""
+        if progress is not None:
+            progress(f"rays through crystals at {wavelength_nm:g} nm", None)
+        return self.trace(wavelength_nm, TABLE_RAYS).single(angles_deg)
+
     def trace_index(self, index: float, rays: int, seed: int = 1, step_deg: float = 0.1) -> Traced:
         """Return the same for a relative index of refraction above 1."""
         bins = round(180.0 / step_deg)
@@ -123,6 +138,49 @@ class Crystals:
                 f"{index!r}, {rays!r}, {seed!r}, {step_deg!r}"
             )
         return _trace(self.aspect, self.tilt_deg, index, rays, seed, bins)
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """Crystals of several shapes, each of which scatters the same share of the light."""
+
+    crystals: tuple[Crystals, ...]
+
+    def __post_init__(self) -> None:
+        if len({c.extinction_m2 for c in self.crystals}) != 1:
+            raise ValueError(f"an aggregate needs crystals of one extinction_m2, found {self}")
+
+    @property
+    def extinction_m2(self) -> float:
+        """Cross-section with which the particle is rendered."""
+        return self.crystals[0].extinction_m2
+
+    def trace(self, wavelength_nm: float, rays: int, seed: int = 1, step_deg: float = 0.1) -> Traced:
+        """Return the scattering of light by rays that are shared among the shapes; see `Crystals.trace`."""
+        each = [c.trace(wavelength_nm, -(-rays // len(self.crystals)), seed, step_deg) for c in self.crystals]
+        passed = 1.0 - math.fsum(t.delta for t in each) / len(each)
+        shares = [(1.0 - t.delta) / (passed * len(each)) for t in each]
+        values, square = np.zeros_like(each[0].noise), np.zeros_like(each[0].noise)
+        for share, t in zip(shares, each, strict=True):
+            values += share * t.phase_function
+            square += (share * t.phase_function * t.noise) ** 2
+        noise = np.sqrt(square) / np.where(values > 0.0, values, 1.0)
+        return Traced(
+            each[0].edges_deg, values, noise, 1.0 - passed,
+            math.fsum(share * t.asymmetry for share, t in zip(shares, each, strict=True)),
+            math.fsum(t.reflected for t in each) / len(each), math.fsum(t.area for t in each) / len(each),
+            sum(t.lost for t in each),
+        )  # fmt: skip
+
+    def split(self, wavelength_nm: float, count: int) -> Split:
+        """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
+        return self.trace(wavelength_nm, 4_000_000).split(count)
+
+    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
+        """Return light scattered once (see `Single`), by `TABLE_RAYS` rays."""
+        if progress is not None:
+            progress(f"rays through crystals at {wavelength_nm:g} nm", None)
+        return self.trace(wavelength_nm, TABLE_RAYS).single(angles_deg)
 
 
 def _prism(aspect: float) -> tuple[Floats, Floats]:

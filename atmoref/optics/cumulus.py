@@ -10,4 +10,10 @@ from atmoref.optics.sizes import ModifiedGamma
 
 __all__ = ["CUMULUS"]
 
-CUMULUS = Drops(ModifiedGamma(scale_m=1.5e-6, gamma=2.0), radii=1000, extinction_m2=2.0 * math.pi * 13.5e-12)
+CUMULUS = Drops(
+    ModifiedGamma(scale_m=1.5e-6, gamma=2.0),
+    radii=1000,
+    extinction_m2=2.0 * math.pi * 13.5e-12,
+    fine_radii=4000,
+    size_error=0.0055,
+)

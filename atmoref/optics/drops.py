@@ -22,11 +22,17 @@ from atmoref.elementary import cos
 from atmoref.optics import legendre, mie
 from atmoref.optics.orders import Split
 from atmoref.optics.refraction import air, water
+from atmoref.optics.single import Progress, Single
 from atmoref.optics.sizes import Sizes
 
-__all__ = ["CrossSections", "Drops", "cosines"]
+__all__ = ["BeyondPeak", "CrossSections", "Drops", "cosines"]
 
 Floats = NDArray[np.float64]
+
+BINS = 3600  # of scattering angle, for large drops
+BIN_TERMS = 3000
+PEAK_DEG = 1.0
+PORTION = 100  # sizes between two reports of progress
 
 
 class CrossSections(NamedTuple):
@@ -35,6 +41,19 @@ class CrossSections(NamedTuple):
     extinction_m2: float
     scattering_m2: float
     asymmetry: float
+
+
+class BeyondPeak(NamedTuple):
+    """A phase function whose peak is `delta`: `values` (1/sr, integral 1) of the rest, constant in bins of angle."""
+
+    delta: float
+    middles_deg: Floats
+    values: Floats
+    edges_deg: Floats
+
+    def legendre(self, count: int) -> Floats:
+        """Return Legendre coefficients of the rest."""
+        return legendre.of_bins(self.values, self.edges_deg, count)
 
 
 def cosines(angles_deg: ArrayLike) -> Floats:
@@ -64,6 +83,11 @@ class Drops:
         "series" or "angles", see the module's text.
     temperature_c
         Of the water.
+    fine_radii
+        How many radii stand for it in tables; `radii` if left out.
+    size_error
+        How far phase functions by so many are from converged ones: relative, root mean square over angles (of rain
+        beyond the peak), measured at 550 nm. A statement that tables carry with them; nothing is computed from it.
     """
 
     sizes: Sizes
@@ -71,6 +95,8 @@ class Drops:
     extinction_m2: float
     through: Literal["series", "angles"] = "series"
     temperature_c: float = 10.0
+    fine_radii: int | None = None
+    size_error: float | None = None
 
     def _spheres(self, wavelength_nm: float, radii: int | None) -> tuple[complex, Floats, Floats, float]:
         """Return index, size parameters, shares and 1/k^2 (m^2); the wavelength is that in vacuum."""
@@ -119,8 +145,11 @@ class Drops:
         return a if count is None else np.concatenate([a, np.zeros(count - kept)])
 
     def split(self, wavelength_nm: float, count: int) -> Split:
-        """Return no peak, and the first coefficients: what every particle answers; rain's peak needs softening."""
-        return Split(0.0, self.legendre(wavelength_nm, count=count))
+        """Return the forward peak, which only large drops have, and the first coefficients of the rest."""
+        if self.through == "series":
+            return Split(0.0, self.legendre(wavelength_nm, count=count))
+        found = self.beyond_peak(wavelength_nm, self.radii)
+        return Split(found.delta, found.legendre(count))
 
     def phase_function(self, mu: ArrayLike, wavelength_nm: float, radii: int | None = None) -> Floats:
         """Return the phase function (1/sr, integral 1) at scattering cosines of any shape.
@@ -131,6 +160,37 @@ class Drops:
         if self.through == "series":
             return legendre.series(self.legendre(wavelength_nm, radii), mu)
         return self._at(mu, wavelength_nm, radii)
+
+    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
+        """Return light scattered once (see `Single`) by `fine_radii` sizes; of large drops `beyond_peak`."""
+        radii = self.radii if self.fine_radii is None else self.fine_radii
+        if self.through == "series":
+            a = self.legendre(wavelength_nm, radii)
+            return Single(0.0, legendre.series(a, cosines(angles_deg)), a)
+        found = self.beyond_peak(wavelength_nm, radii, progress)
+        at = np.interp(np.asarray(angles_deg, np.float64), found.middles_deg, found.values)
+        return Single(found.delta, at, found.legendre(BIN_TERMS))
+
+    def beyond_peak(self, wavelength_nm: float, radii: int, progress: Progress | None = None) -> BeyondPeak:
+        """Return the phase function without its forward peak, in bins (R-E17).
+
+        Large drops diffract half of the light into less than 0.1 degrees.  What remains is the phase function held
+        within `PEAK_DEG` at its mean up to twice that angle; all above that is delta.
+        """
+        edges = np.linspace(0.0, 180.0, BINS + 1)
+        middles = 0.5 * (edges[:-1] + edges[1:])
+        inside = int(np.searchsorted(middles, PEAK_DEG))
+        index, x, shares, area = self._spheres(wavelength_nm, radii)
+        mu, values = cosines(middles[inside:]), np.zeros(BINS)
+        for start in range(0, x.size, PORTION):
+            part = slice(start, start + PORTION)
+            values[inside:] += mie.intensities(index, x[part], shares[part], mu)
+            if progress is not None:
+                progress(f"{x.size} sizes of drops at {wavelength_nm:g} nm", min(1.0, (start + PORTION) / x.size))
+        values *= 0.5 * area / self.cross_sections(wavelength_nm, radii).scattering_m2
+        values[:inside] = math.fsum(values[inside : 2 * inside]) / inside
+        held = 2.0 * math.pi * math.fsum(values * -np.diff(cosines(edges)))
+        return BeyondPeak(1.0 - held, middles, values / held, edges)
 
 
 @functools.lru_cache(maxsize=32)

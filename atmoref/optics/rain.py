@@ -9,4 +9,11 @@ from atmoref.optics.sizes import Lognormal
 
 __all__ = ["RAIN"]
 
-RAIN = Drops(Lognormal(median_m=0.75e-3, sigma_g=1.42, cut=2.0), radii=300, extinction_m2=6.28e-6, through="angles")
+RAIN = Drops(
+    Lognormal(median_m=0.75e-3, sigma_g=1.42, cut=2.0),
+    radii=300,
+    extinction_m2=6.28e-6,
+    through="angles",
+    fine_radii=2400,
+    size_error=0.0093,
+)

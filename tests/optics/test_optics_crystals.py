@@ -11,7 +11,7 @@ from numpy.polynomial.legendre import leggauss
 
 from atmoref.optics import crystals
 from atmoref.optics.angles import halo_deg, peak_deg
-from atmoref.optics.crystals import Crystals, Traced
+from atmoref.optics.crystals import Aggregate, Crystals, Traced
 from atmoref.optics.particles import PARTICLES
 from atmoref.optics.refraction import air, ice
 
@@ -121,8 +121,8 @@ def test_the_wavelength_chooses_the_index_in_air():
 def test_snow_has_no_halo():
     """M-16: where the column rises by 37 times, snow falls on; the same at 46 degrees."""
     snow = PARTICLES["snow"]
-    assert isinstance(snow, Crystals)
-    t = snow.trace_index(1.311, 2_000_000, step_deg=1.0)
+    assert isinstance(snow, Aggregate)
+    t = snow.trace(550.0, 2_000_000, step_deg=1.0)
     middles = _middles(t)
     for edge in (21.9, 45.9):
         near = t.phase_function[np.abs(middles - edge) < 6.0]
@@ -130,8 +130,25 @@ def test_snow_has_no_halo():
         assert near[-1] < near[0]
     assert t.delta < 0.005
     assert 0.5 < t.asymmetry < 0.75
-    smooth = Crystals(snow.aspect, 1.0).trace_index(1.311, 500_000, step_deg=1.0)
-    assert smooth.phase_function[22] > 5.0 * smooth.phase_function[20]
+    for crystal in snow.crystals:
+        smooth = Crystals(crystal.aspect, 1.0).trace_index(1.311, 500_000, step_deg=1.0)
+        assert smooth.phase_function[22] > 5.0 * smooth.phase_function[20]
+
+
+def test_an_aggregate_is_the_mean_of_its_shapes():
+    """Each scatters the same share: rest weighted by what is not delta; mean cosine and noise follow."""
+    shapes = (Crystals(0.3, 2e-6), Crystals(3.0, 2e-6))
+    both = Aggregate(shapes).trace(550.0, 400_000, step_deg=1.0)
+    each = [one.trace(550.0, 200_000, step_deg=1.0) for one in shapes]
+    left = [1.0 - t.delta for t in each]
+    expected = (left[0] * each[0].phase_function + left[1] * each[1].phase_function) / sum(left)
+    np.testing.assert_allclose(both.phase_function, expected, rtol=1e-12)
+    assert both.delta == pytest.approx(1.0 - 0.5 * sum(left), rel=1e-12)
+    whole = [t.delta + (1.0 - t.delta) * t.asymmetry for t in each]
+    assert both.delta + (1.0 - both.delta) * both.asymmetry == pytest.approx(0.5 * sum(whole), rel=1e-12)
+    assert (both.noise <= np.maximum(each[0].noise, each[1].noise)).all()
+    with pytest.raises(ValueError, match="one extinction_m2"):
+        Aggregate((Crystals(0.3, 1e-6), Crystals(3.0, 2e-6)))
 
 
 def test_threads_leave_the_bits(monkeypatch):

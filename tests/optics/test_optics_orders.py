@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from atmoref.optics import legendre, mie, orders
-from atmoref.optics.crystals import Crystals
+from atmoref.optics.crystals import Aggregate, Crystals
 from atmoref.optics.drops import cosines
 from atmoref.optics.particles import DROPS, PARTICLES
 from atmoref.optics.phase_functions import evaluate
@@ -189,7 +189,7 @@ def test_rain_seen_through_discs():
 def test_crystals_scattered_n_times(name):
     """The peak apart, the rest by bins: M-1 and the mean cosine for all n; F_n falls to a half."""
     crystals = PARTICLES[name]
-    assert isinstance(crystals, Crystals)
+    assert isinstance(crystals, Crystals | Aggregate)
     traced = crystals.trace(550.0, 500_000, step_deg=0.5)
     parts = traced.split(1200)
     assert parts.rest[0] == pytest.approx(1.0, abs=1e-12)
