@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 BINS = 3600  # of scattering angle, for large drops
 BIN_TERMS = 3000
 PEAK_DEG = 1.0
+EDGE_BINS = 4
 PORTION = 100  # sizes between two reports of progress
 
 
@@ -175,7 +176,7 @@ class Drops:
         """Return the phase function without its forward peak, in bins (R-E17).
 
         Large drops diffract half of the light into less than 0.1 degrees.  What remains is the phase function held
-        within `PEAK_DEG` at its mean up to twice that angle; all above that is delta.
+        within `PEAK_DEG` at what it is there (mean of `EDGE_BINS`); all above that is delta.
         """
         edges = np.linspace(0.0, 180.0, BINS + 1)
         middles = 0.5 * (edges[:-1] + edges[1:])
@@ -188,7 +189,7 @@ class Drops:
             if progress is not None:
                 progress(f"{x.size} sizes of drops at {wavelength_nm:g} nm", min(1.0, (start + PORTION) / x.size))
         values *= 0.5 * area / self.cross_sections(wavelength_nm, radii).scattering_m2
-        values[:inside] = math.fsum(values[inside : 2 * inside]) / inside
+        values[:inside] = math.fsum(values[inside : inside + EDGE_BINS]) / EDGE_BINS
         held = 2.0 * math.pi * math.fsum(values * -np.diff(cosines(edges)))
         return BeyondPeak(1.0 - held, middles, values / held, edges)
 

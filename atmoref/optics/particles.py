@@ -1,6 +1,6 @@
 """The particles by name: one file each, one line here."""
 
-from atmoref.optics.aerosol import AEROSOL, HAZY, ISOTROPIC, MURKY
+from atmoref.optics.aerosol import AEROSOL, CORNETTE, HAZY, ISOTROPIC, MURKY
 from atmoref.optics.air import AIR, Molecules
 from atmoref.optics.analytic import Formula
 from atmoref.optics.cloud import CLOUD
@@ -8,6 +8,7 @@ from atmoref.optics.crystals import Aggregate, Crystals
 from atmoref.optics.cumulus import CUMULUS
 from atmoref.optics.drops import Drops
 from atmoref.optics.ice import ICE
+from atmoref.optics.plates import PLATES
 from atmoref.optics.rain import RAIN
 from atmoref.optics.snow import SNOW
 from atmoref.optics.tabulated import Tabulated
@@ -22,8 +23,10 @@ PARTICLES: dict[str, Particle] = {
     "air": AIR,
     **DROPS,
     "ice": ICE,
+    "plates": PLATES,
     "snow": SNOW,
     "aerosol": AEROSOL,
+    "cornette_shanks": CORNETTE,
     "hazy": HAZY,
     "murky": MURKY,
     "isotropic": ISOTROPIC,

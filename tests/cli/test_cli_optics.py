@@ -1,4 +1,4 @@
-"""`optics plot`, `optics table`, `tables build --all`, `tables export`: files, numbers that can be read again, refusals."""
+"""`optics plot`, `optics table`, `tables build --all`, `tables export`: files, numbers read again, refusals."""
 
 from __future__ import annotations
 
