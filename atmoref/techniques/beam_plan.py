@@ -6,6 +6,7 @@ the reconstruction of Figure 4 a change of 0.5 % in brightness changes the numbe
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from dataclasses import dataclass
@@ -154,6 +155,7 @@ def q_domain(frame: PointFrame, base_m: float, dt_m: float, params: BeamsParamet
     return QDomain(-reach - dt_m, reach, min(params.q_least_v_m, 0.5 * reach), reach, params.q_table_size)
 
 
+@functools.lru_cache(maxsize=4096)  # plans of one scene ask for the same slabs again and again
 def _greatest_q(fog: Fog, scale: float, dt_m: float, reach: float, v_ref: float) -> float:
     """Return the maximum of q over the table's u and v >= v_ref: a coarse grid, then three zooms around its peak."""
     steps = np.arange(COARSE_U) / (COARSE_U - 1.0)

@@ -77,7 +77,8 @@ def test_flip_beyond_one_is_that_of_one_exposure_of_hdr_flip() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["codes", "values", "values beyond 1"])
-def test_a_picture_of_usual_size_takes_less_than_a_second(kind: str) -> None:
+def test_a_comparison_takes_little_more_than_its_flip(kind: str) -> None:
+    """720 x 480: FLIP alone takes 0.35 s on two free processors, all 0.7 to 0.9 s; a ratio holds on busy ones, too."""
     reference = np.clip(gaussian_filter(RNG.random((480, 720, 3)), (4, 4, 0)) * 4.0 - 1.5, 0.0, 1.0)
     test = np.clip(reference + 0.01 * RNG.standard_normal(reference.shape), 0.0, 1.0)
     pair = [test, reference]
@@ -85,13 +86,16 @@ def test_a_picture_of_usual_size_takes_less_than_a_second(kind: str) -> None:
         pair = [np.rint(255.0 * image).astype(np.uint8) for image in pair]
     if kind == "values beyond 1":
         pair = [20.0 * image for image in pair]
-    compare(*pair)
-    times = []
-    for _ in range(3):
+    shown = [image.astype(np.float32) for image in (reference, test)]
+    whole, alone = [], []
+    for _ in range(6):
         start = time.perf_counter()
         assert compare(*pair, abs=1.0).metrics["rms"] > 0.0
-        times.append(time.perf_counter() - start)
-    assert min(times) < 1.0, times
+        between = time.perf_counter()
+        flip_evaluator.evaluate(*shown, "LDR", applyMagma=False, computeMeanError=False)
+        whole.append(between - start)
+        alone.append(time.perf_counter() - between)
+    assert min(whole) < 4.0 * min(alone), (whole, alone)
 
 
 def test_flip_of_black_against_white_is_near_its_maximum() -> None:
