@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import subprocess
@@ -13,6 +14,7 @@ from atmoref.optics import legendre, mie, orders, refraction
 from atmoref.optics.crystals import Crystals
 from atmoref.optics.drops import cosines
 from atmoref.optics.particles import DROPS
+from atmoref.tables.scattered import Axes, build
 
 
 def digests() -> str:
@@ -20,7 +22,12 @@ def digests() -> str:
     mu = cosines(np.arange(361) / 2.0)
     sizes = np.geomspace(1e-3, 300.0, 40)
     traced = Crystals(2.5, 1.0, 20.0).trace_index(1.311, 100_000)
+    few = Axes((550.0,), columns=361, orders=4)
+    rain = build(dataclasses.replace(DROPS["rain"], fine_radii=3), few)
+    cloud = build(dataclasses.replace(DROPS["cloud"], radii=20), dataclasses.replace(few, poisson=True))
     found = {
+        "rain's table": np.concatenate([rain[name].astype(np.float64).ravel() for name in sorted(rain)]),
+        "cloud's table": np.concatenate([cloud[name].astype(np.float64).ravel() for name in sorted(cloud)]),
         "efficiencies": np.array(mie.efficiencies(1.334 + 1e-8j, sizes)),
         "intensities": mie.intensities(1.334 + 1e-8j, sizes, sizes**-2, mu),
         "amplitudes": np.array(mie.amplitudes(1.5 + 0.1j, 77.0, mu)),
