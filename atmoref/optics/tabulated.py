@@ -9,6 +9,7 @@ there is one ``delta`` (W,).
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,7 @@ class ParticleFileError(ValueError):
     """A file is no phase function; the message names file, place and what is allowed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tabulated:
     """A phase function at angles, for one wavelength or several; linear between angles and between wavelengths.
 
@@ -51,6 +52,13 @@ class Tabulated:
     delta: Floats
     integrals: Floats
     extinction_m2: float = 1e-12
+
+    def __repr__(self) -> str:
+        """Name the content by its hash: arrays in words are abbreviated, and tables are known by these words."""
+        digest = hashlib.sha256()
+        for array in (self.angles_deg, self.wavelengths_nm, self.values, self.delta):
+            digest.update(f"{array.shape}".encode() + np.ascontiguousarray(array, np.float64).tobytes())
+        return f"Tabulated(sha256={digest.hexdigest()!r}, extinction_m2={self.extinction_m2!r})"
 
     def _at(self, wavelength_nm: float) -> tuple[float, Floats]:
         grid = self.wavelengths_nm

@@ -10,6 +10,7 @@ import pytest
 from atmoref.optics.drops import cosines
 from atmoref.optics.phase_functions import HENYEY_GREENSTEIN, evaluate
 from atmoref.optics.tabulated import ParticleFileError, Tabulated, read_particle
+from atmoref.tables.scattered import Axes, scattered
 
 ANGLES = np.arange(0.0, 180.1, 0.25)
 
@@ -52,6 +53,19 @@ def test_files_hold_what_they_say(tmp_path: Path) -> None:
 def test_one_wavelength_is_enough(tmp_path: Path) -> None:
     one = read_particle(csv_file(tmp_path / "g.csv", "angle_deg,550", [hg(0.5)]))
     assert one.split(550.0, 2).rest[1] == pytest.approx(0.5, abs=1e-4)
+
+
+def test_tables_know_files_by_their_content(tmp_path: Path) -> None:
+    """One number in the middle of many is another table; the name of the file and its kind are none."""
+    one, other = both(tmp_path)
+    assert repr(one) == repr(other)
+    changed = hg(0.7)
+    changed[360] *= 1.01
+    moved = read_particle(csv_file(tmp_path / "q.csv", "angle_deg,680,440", [changed, hg(0.3)], "delta,0.25,0.5"))
+    assert repr(moved) != repr(one)
+    axes = Axes((680.0,), columns=181, orders=2)
+    tables = [scattered(particle, axes) for particle in (one, moved)]
+    assert (tables[0].values != tables[1].values).any()
 
 
 @pytest.mark.parametrize(
