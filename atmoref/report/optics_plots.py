@@ -1,6 +1,6 @@
 """Pictures of phase functions and of light scattered many times: the paper's Figures 2 and 3, and close-ups.
 
-matplotlib is imported when a picture is drawn (the extra `report`).
+Matplotlib is imported when a picture is drawn (the extra `report`).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from atmoref.scene.mesh_files import MissingExtra
 from atmoref.store import atomic_path
 from atmoref.tables.scattered import Scattered
 
@@ -124,15 +125,18 @@ def plot_optics(path: Path, kind: str, tables: Tables) -> None:
 
     Raises
     ------
-    ImportError
-        Without matplotlib.
+    MissingExtra
+        Without Matplotlib.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtra(
+            "plots are drawn by Matplotlib, which is not installed: pip install atmoref[report]"
+        ) from error
 
     wide = kind == "closeups" or (kind == "orders" and len(tables) > 1)
     figure = Figure(figsize=(2.0 * _SIZE[0] if wide else _SIZE[0], _SIZE[1]), layout="constrained")
-    FigureCanvasAgg(figure)
     KINDS[kind](figure, tables)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120)

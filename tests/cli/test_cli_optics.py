@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -110,3 +111,9 @@ def test_a_shipped_table_is_built_again(tmp_path: Path) -> None:
     (path,) = tmp_path.iterdir()
     data = bytearray(path.read_bytes())
     assert len(data) > 1_000_000
+
+
+def test_without_matplotlib_plots_say_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    refused(run("optics", "plot", "ice", "-o", tmp_path / "p.png"), 3, "Matplotlib", "pip install atmoref[report]")
+    assert list(tmp_path.iterdir()) == []
