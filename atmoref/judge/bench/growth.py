@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -64,14 +65,14 @@ def series(scene: Scene, axis: str, steps: int, width: int) -> tuple[str, list[S
     steps : int
         Number of scenes.
     width : int
-        Pixels; a multiple of 32 leaves no lane idle. The image is one and a half times as high. Along "pixels" both
-        sides grow, for the field of view is the height's: a picture that only got taller would see another part of
-        the scene.
+        Pixels; a multiple of the lane width leaves no lane idle. The image is one and a half times as high. Along
+        "pixels" both sides grow, from twice the width on, for the field of view is the height's: a picture that only
+        got taller would see another part of the scene.
     """
     small = _sized(scene, width, width * 3 // 2)
     if axis == "pixels":
         full = variant(scene, "beams", skip=False)
-        widths = [width * (2 + i % 2) * 2 ** (i // 2) // 2 for i in range(steps)]
+        widths = [round(2 * width * math.sqrt(2.0) ** i / 16.0) * 16 for i in range(steps)]
         return "beams", [_sized(full, w, w * 3 // 2) for w in widths]
     if axis == "planes":
         return "beams_vertex", [variant(small, "beams_vertex", skip=False, planes=40 * 2**i) for i in range(steps)]
