@@ -50,8 +50,8 @@ def perceptual(
         measures["flip"] = ldr_flip(left, right, mask)
         notes.append("FLIP of the codes as shown")
         return measures, channels, notes
-    exposures = flip_exposures(right)
     leaves = bool(max(left[mask].max(), right[mask].max()) > 1.0)
+    exposures = flip_exposures(right) if leaves or which == "all" else None
     if leaves and exposures is not None:
         toned = [tone_mapped(colours, exposures[0]) for colours in (left, right)]
         notes.append(f"FLIP of the values at exposure {exposures[0]:+.3f} (powers of 2), ACES, sRGB-encoded")

@@ -19,7 +19,7 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,8 +79,28 @@ class Traced(NamedTuple):
         return self.whole_delta + (1.0 - self.whole_delta) * self.asymmetry
 
 
+class _ByRays:
+    """What every particle answers, out of `trace`."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        def trace(self, wavelength_nm: float, rays: int, seed: int = 1, step_deg: float = 0.1) -> Traced: ...
+
+    def split(self, wavelength_nm: float, count: int) -> Split:
+        """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
+        return self.trace(wavelength_nm, 4_000_000).split(count)
+
+    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
+        """Return light scattered once (see `Single`), by `TABLE_RAYS` rays."""
+        if progress is not None:
+            progress(f"rays through crystals at {wavelength_nm:g} nm", None)
+        return self.trace(wavelength_nm, TABLE_RAYS).single(angles_deg)
+
+
 @dataclass(frozen=True, slots=True)
-class Crystals:
+class Crystals(_ByRays):
     """Hexagonal prisms.
 
     Attributes
@@ -119,16 +139,6 @@ class Crystals:
         """
         return self.trace_index(float(ice(wavelength_nm) / air(wavelength_nm)), rays, seed, step_deg)
 
-    def split(self, wavelength_nm: float, count: int) -> Split:
-        """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
-        return self.trace(wavelength_nm, 4_000_000).split(count)
-
-    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
-        """Return light scattered once (see `Single`), by `TABLE_RAYS` rays."""
-        if progress is not None:
-            progress(f"rays through crystals at {wavelength_nm:g} nm", None)
-        return self.trace(wavelength_nm, TABLE_RAYS).single(angles_deg)
-
     def trace_index(self, index: float, rays: int, seed: int = 1, step_deg: float = 0.1) -> Traced:
         """Return the same for a relative index of refraction above 1."""
         bins = round(180.0 / step_deg)
@@ -141,7 +151,7 @@ class Crystals:
 
 
 @dataclass(frozen=True, slots=True)
-class Aggregate:
+class Aggregate(_ByRays):
     """Crystals of several shapes, each of which scatters the same share of the light."""
 
     crystals: tuple[Crystals, ...]
@@ -171,16 +181,6 @@ class Aggregate:
             math.fsum(t.reflected for t in each) / len(each), math.fsum(t.area for t in each) / len(each),
             sum(t.lost for t in each),
         )  # fmt: skip
-
-    def split(self, wavelength_nm: float, count: int) -> Split:
-        """Return the forward peak and the first coefficients of the rest, by 4 million rays, bins of 0.1 degrees."""
-        return self.trace(wavelength_nm, 4_000_000).split(count)
-
-    def single(self, wavelength_nm: float, angles_deg: ArrayLike, progress: Progress | None = None) -> Single:
-        """Return light scattered once (see `Single`), by `TABLE_RAYS` rays."""
-        if progress is not None:
-            progress(f"rays through crystals at {wavelength_nm:g} nm", None)
-        return self.trace(wavelength_nm, TABLE_RAYS).single(angles_deg)
 
 
 def _prism(aspect: float) -> tuple[Floats, Floats]:

@@ -20,7 +20,6 @@ from atmoref.buffers.formats import decode, encode, named
 from atmoref.lanes import (
     N,
     floor,
-    from_int,
     gather_pair,
     load,
     maximum,
@@ -91,7 +90,7 @@ def look_up(table, grid, angle, n, start):
     value = _row(table, grid, along, row, start)
     if grid.mode == LINEAR_IN_N:
         last = to_int(minimum(first + 1.0, grid.orders - 1.0)) * grid.pitch
-        value = value + (_row(table, grid, along, last, start) - value) * (order - from_int(value, to_int(first)))
+        value = value + (_row(table, grid, along, last, start) - value) * (order - first)
     return value
 
 

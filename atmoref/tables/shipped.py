@@ -43,6 +43,6 @@ def rebuild(directory: Path, names: tuple[str, ...] = (), progress: Progress | N
     for name in names or tuple(SHIPPED):
         particle, axes = PARTICLES[name], SHIPPED[name]
         parameters = parameters_of(particle, axes)
+        there = shipped_entry(KIND, VERSION, parameters)  # before writing: the directory may be the shipped one
         made = write_table(directory, KIND, VERSION, parameters, build(particle, axes, progress))
-        there = shipped_entry(KIND, VERSION, parameters)
         yield Rebuilt(name, made, "" if there is None else there.sha256)

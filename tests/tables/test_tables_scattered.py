@@ -267,6 +267,23 @@ def test_a_shipped_table_is_reproduced(tmp_path: Path) -> None:
     assert ("650 nm", 0.0) in told
 
 
+def test_a_table_that_differs_is_told_even_where_it_replaces_the_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Into the very directory that is shipped: what stood there before counts."""
+    import atmoref.store as store
+    import atmoref.tables.shipped as shipped
+
+    monkeypatch.setattr(store, "shipped_directory", lambda: tmp_path)
+    monkeypatch.setattr(shipped, "build", lambda *_: {"values": np.zeros(3)})
+    assert [made.shipped_sha256 for made in rebuild(tmp_path, ("ice",))] == [""]
+    assert [made.reproduced for made in rebuild(tmp_path, ("ice",))] == [True]
+    monkeypatch.setattr(shipped, "build", lambda *_: {"values": np.ones(3)})
+    (made,) = rebuild(tmp_path, ("ice",))
+    assert made.shipped_sha256
+    assert not made.reproduced
+
+
 @pytest.mark.slow
 def test_all_shipped_tables_are_reproduced(tmp_path: Path) -> None:
     """Rain's 2400 sizes take two minutes, the crystals' 96 million rays a minute a wavelength set."""

@@ -21,7 +21,7 @@ from atmoref.stages.beam_planes import BeamUniforms
 from atmoref.stages.main_plane import DT_PAPER
 from atmoref.stages.opaque import PRINTED_G, SATURATING
 from validation.gl import programs
-from validation.gl.case import DEPTH_TOP, Case, Light, inputs
+from validation.gl.case import DEPTH_TOP, Case, Light, Passes, inputs
 from validation.gl.geometry import hull, pyramid_rectangles
 from validation.gl.mesh import MeshOnDevice
 
@@ -49,7 +49,7 @@ def read_depth(texture: Any, width: int, height: int) -> NDArray[Any]:
     return np.rint(values.astype(np.float64) * DEPTH_TOP).astype(np.uint32)
 
 
-class Build:
+class Build(Passes):
     """A scene on the device.  Arrays that come and go are (H, W, C), row 0 at the bottom.
 
     Parameters
@@ -168,17 +168,6 @@ class Build:
         programs.put_solids(program, solids)
         self.aim(self.frame, test=False, blend=False)
         self.cover(program)
-
-    def draw_all(self) -> NDArray[Any]:
-        """Draw the whole picture; return the frame's codes or values."""
-        for light in self.lights:
-            light.draw_shadow_map()
-        self.draw_base()
-        for light in self.lights:
-            light.draw_opaque()
-        for light in self.lights:
-            light.draw_planes()
-        return self.read("frame")
 
 
 class LightOnDevice:

@@ -98,6 +98,25 @@ class Case:
         self.buffer(name).put(bottom_first[::-1], self.setting.device)
 
 
+class Passes:
+    """The order in which every build draws; a build has `lights`, `draw_base` and `read`."""
+
+    lights: Sequence[Any]
+    draw_base: Any
+    read: Any
+
+    def draw_all(self) -> NDArray[Any]:
+        """Draw the whole picture; return the frame's codes or values."""
+        for light in self.lights:
+            light.draw_shadow_map()
+        self.draw_base()
+        for light in self.lights:
+            light.draw_opaque()
+        for light in self.lights:
+            light.draw_planes()
+        return self.read("frame")
+
+
 def load(scene: str, overrides: Sequence[str] = (), technique: str | None = None) -> list[Case]:
     """Return a scene for comparison, on llvmpipe and in float32: one case, or one for each interleaved image.
 

@@ -22,7 +22,7 @@ from wgpu.backends.wgpu_native.extras import set_instance_extras
 from atmoref.stages.beam_planes import BeamUniforms
 from atmoref.stages.main_plane import DT_PAPER
 from atmoref.stages.opaque import PRINTED_G, SATURATING
-from validation.gl.case import DEPTH_TOP, Case, Light, Unsupported, inputs
+from validation.gl.case import DEPTH_TOP, Case, Light, Passes, Unsupported, inputs
 from validation.vulkan.programs import Program, buffer, solid_buffers, uniforms
 
 FEATURES = (
@@ -75,7 +75,7 @@ def by_product(depths: NDArray[np.float32]) -> NDArray[np.uint32]:
     return codes
 
 
-class Build:
+class Build(Passes):
     """A scene on the device.  Arrays that come and go are (H, W, C), row 0 at the bottom.
 
     Raises
@@ -240,17 +240,6 @@ class Build:
         }  # fmt: skip
         switches = {"SATURATING_AMBIENT": int(block.surface_switches.ambient == SATURATING)}
         self.draw(shader, held, switches, colour=self.frame, depth=self.depth, write_depth=True)
-
-    def draw_all(self) -> NDArray[Any]:
-        """Draw the whole picture; return the frame's codes or values."""
-        for light in self.lights:
-            light.draw_shadow_map()
-        self.draw_base()
-        for light in self.lights:
-            light.draw_opaque()
-        for light in self.lights:
-            light.draw_planes()
-        return self.read("frame")
 
 
 class LightOnDevice:
